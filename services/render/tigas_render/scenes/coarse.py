@@ -1,7 +1,7 @@
-"""Coarse scenes, which stand in for large scenes during loading.
+"""Coarse scenes, which stand in for large scenes while these are loading.
 
-Most files have a coarse part that is quickly read (`SceneFile.coarse`). Of the others, a sample is kept in the cache
-when they are loaded for the first time.
+Most files have a coarse part that can be read quickly (`SceneFile.coarse`). For the others, a sample is cached when
+they are loaded for the first time.
 """
 
 from __future__ import annotations
@@ -21,22 +21,20 @@ from tigas_render.scenes.source import SceneSource
 from tigas_render.scenes.start_view.statistics import SceneStatistics
 
 LARGE = 1 << 19
-"""Gaussians from which on a scene has a coarse one; fewer are loaded in about a second."""
+"""Minimum number of Gaussians for a coarse scene; fewer are loaded in about a second."""
 VERSION = 1
-"""Counts up when the sample changes, so that kept files are not taken for it."""
+"""Version of the sample; increment it when samples change, so that old cached files are not used."""
 
 
 class CoarseScenes:
-    """Kept samples in `directory`, which is made when it is needed."""
+    """A cache of samples in `directory`, which is created when needed."""
 
     def __init__(self, directory: Path) -> None:
         self._directory = directory
 
     def read(self, source: SceneSource) -> SceneFile | None:
-        """The coarse part of a scene's file, or else the kept sample; None without both, if the scene is not large, and
-        if the file was replaced.
-
-        Raises BrokenScene and OSError.
+        """The coarse part of a scene's file, or else the cached sample; None if there is neither, if the scene is not
+        large, or if the file was replaced. Raises BrokenScene and OSError.
         """
         if (source.gaussians or 0) < LARGE or not source.is_unchanged():
             return None
@@ -44,7 +42,7 @@ class CoarseScenes:
         return source.coarse() or (read_compressed_ply(path) if path.is_file() else None)
 
     def write(self, source: SceneSource, statistics: SceneStatistics) -> None:
-        """Keep a sample of a large scene, if that is possible and its file is still the one that was read."""
+        """Cache a sample of a large scene, if possible, unless its file has changed since it was read."""
         if statistics.count < LARGE or not source.is_unchanged():
             return
         sample = statistics.sample

@@ -1,8 +1,8 @@
-"""Reads and writes PlayCanvas' compressed PLY: 16 bytes a Gaussian, and a byte for each further coefficient.
+"""Reads and writes PlayCanvas' compressed PLY: 16 bytes per Gaussian, plus one byte for each further coefficient.
 
-The format, as https://github.com/playcanvas/splat-transform writes it: chunks of 256 Gaussians have the ranges of
-their positions, scales (logarithms) and, in all but old files, colours as float32; each Gaussian is four uint32, packed
-within these ranges; then come all further coefficients, channel-major.
+The format, as written by https://github.com/playcanvas/splat-transform: chunks of 256 Gaussians have the ranges of
+their positions, scales (logarithms) and, except in old files, colours as float32; each Gaussian is four uint32, packed
+within these ranges; all further coefficients follow, channel-major.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ from tigas_render.scenes.scene_file import (
 
 CHUNK = 256
 SH_RANGE = 8.0
-"""Coefficients are kept from −4 to 4."""
+"""Range of the stored coefficients, from −4 to 4."""
 POSITION, SCALE, COLOUR = ("x", "y", "z"), ("scale_x", "scale_y", "scale_z"), ("r", "g", "b")
 RANGES = tuple(f"{end}_{name}" for names in (POSITION, SCALE, COLOUR) for end in ("min", "max") for name in names)
 """The properties of a chunk."""
 PACKED = ("packed_position", "packed_rotation", "packed_scale", "packed_color")
 WRITTEN = 64 * CHUNK
-"""Gaussians that are packed at a time."""
+"""Number of Gaussians packed at a time."""
 LOG_SCALE_LIMIT = 20.0
 ORIGIN = np.zeros((1, 3), np.float32)
 
@@ -54,20 +54,20 @@ class _Tables:
     sh_degree: int
     file_bytes: int
     per_chunk: int = CHUNK
-    """Vertices."""
+    """Vertices per chunk."""
 
     def every(self, step: int) -> _Tables:
-        """Every nth vertex, without coefficients; `step` divides CHUNK."""
+        """Every nth vertex, without coefficients. step: a divisor of CHUNK."""
         return _Tables(self.chunks, self.vertices.every(step), None, 0, self.file_bytes, CHUNK // step)
 
 
 def is_compressed(start: bytes) -> bool:
-    """Whether a PLY that begins so is one of these."""
+    """Whether a PLY with this start is a compressed PLY."""
     return b"packed_position" in start.partition(b"end_header")[0]
 
 
 def read_compressed_ply(path: Path) -> SceneFile:
-    """Description of the file. Raises OSError, and BrokenScene, with one sentence, if its header or size is wrong."""
+    """Describe a file. Raises OSError, and BrokenScene, with one sentence, if its header or size is wrong."""
     layout = read_layout(path)
     if layout.ply.text:
         raise BrokenScene(f"{path.name} is a compressed PLY in text form; only binary ones can be read.")
@@ -149,7 +149,7 @@ def _columns(vertices: Rows, chunks: Rows, per_chunk: int, sh_degree: int) -> Co
 
 
 def _shares(words: NDArray[np.uint32], bits: Sequence[int]) -> Floats:
-    """Numbers from 0 to 1 packed in words [N] with the given bits each, the last in the lowest bits: [N, len(bits)]."""
+    """Unpack fractions, 0 to 1, from words [N] with the given bits, the last in the lowest bits: [N, len(bits)]."""
     ends = np.cumsum(np.array(bits[::-1]))[::-1]
     shifts = np.append(ends[1:], 0).astype(np.uint32)
     most = (1 << np.array(bits, np.uint32)) - 1
@@ -159,7 +159,7 @@ def _shares(words: NDArray[np.uint32], bits: Sequence[int]) -> Floats:
 
 
 def _within(shares: Floats, chunks: Rows, names: Sequence[str], chunk: NDArray[np.intp]) -> Floats:
-    """Shares [N, 3] of the ranges that their chunks have."""
+    """Values [N, 3] at the given fractions of their chunks' ranges. chunk: [N] chunk indices."""
     low, high = (
         np.column_stack([chunks[f"{end}_{name}"] for name in names]).astype(np.float64)[chunk] for end in ("min", "max")
     )
@@ -168,7 +168,7 @@ def _within(shares: Floats, chunks: Rows, names: Sequence[str], chunk: NDArray[n
 
 
 def _coefficients(rows: Rows, names: Sequence[str]) -> Floats:
-    """[len(rows), K − 1, 3], as PlayCanvas decodes bytes: both ends, and the middles of the steps between."""
+    """Decode bytes like PlayCanvas: 0 and 255 to the ends of the range, others to mid-steps: [len(rows), K − 1, 3]."""
     content: Floats = np.column_stack([rows[name] for name in names]).astype(np.float32)
     shares = np.where(content == 0, 0, np.where(content == 255, 1, (content + 0.5) / 256))
     values: Floats = ((shares - 0.5) * SH_RANGE).reshape(len(rows), 3, -1).transpose(0, 2, 1)
@@ -183,10 +183,10 @@ def write_compressed_ply(
     shifts: Floats = ORIGIN,
     check: Callable[[], None] = lambda: None,
 ) -> None:
-    """Write the Gaussians with these indices [M] in this order, once for each shift [C, 3] in scene units.
+    """Write the Gaussians at these indices [M] in this order, once for each shift [C, 3] in scene units.
 
-    A chunk should hold neighbours; for several shifts, M is a multiple of its size. comments: for the header. check:
-    may raise an error to end it.
+    Chunks should hold neighbours, and with several shifts, M must be a multiple of CHUNK. comments: for the header.
+    check: called regularly, and may raise an error to abort.
 
     Memory beyond the arrays themselves is a few megabytes. Raises OSError.
     """
@@ -212,7 +212,7 @@ def write_compressed_ply(
 
 
 def _pack(gaussians: Gaussians, block: NDArray[np.int64], shift: Floats) -> tuple[bytes, bytes, bytes]:
-    """A block's rows of each element: ranges [chunks, 18], words [len(block), 4], and coefficients."""
+    """A block's rows for each element: ranges [chunks, 18], words [len(block), 4], and coefficients."""
     scales = gaussians.scales[block].clip(np.finfo(np.float32).tiny)
     positions, position_ranges = _in_chunk(gaussians.means[block] + shift)
     sizes, size_ranges = _in_chunk(np.log(scales).clip(-LOG_SCALE_LIMIT, LOG_SCALE_LIMIT))
@@ -231,7 +231,7 @@ def _pack(gaussians: Gaussians, block: NDArray[np.int64], shift: Floats) -> tupl
 
 
 def _in_chunk(values: Floats) -> tuple[Floats, Floats]:
-    """Values [N, 3] as shares, 0 to 1, of their chunks' ranges, and these [chunks, 6]: all lows, then all highs."""
+    """Values [N, 3] as fractions, 0 to 1, of their chunks' ranges; and the ranges [chunks, 6], lows before highs."""
     starts = np.arange(0, len(values), CHUNK)
     low, high = np.minimum.reduceat(values, starts), np.maximum.reduceat(values, starts)
     chunk = np.arange(len(values)) // CHUNK
@@ -240,7 +240,7 @@ def _in_chunk(values: Floats) -> tuple[Floats, Floats]:
 
 
 def _rotations(quaternions: Floats) -> tuple[NDArray[np.uint32], Floats]:
-    """Of unit quaternions w, x, y, z [N, 4] which part is the largest [N], and the others, from 0 to 1 [N, 3]."""
+    """The index of the largest component [N] of unit quaternions w, x, y, z [N, 4], and the others [N, 3], 0 to 1."""
     largest = np.abs(quaternions).argmax(1)[:, None]
     positive = quaternions * np.where(np.take_along_axis(quaternions, largest, 1) < 0, -1, 1)
     others = positive[np.arange(4) != largest].reshape(-1, 3)
@@ -248,9 +248,9 @@ def _rotations(quaternions: Floats) -> tuple[NDArray[np.uint32], Floats]:
 
 
 def _packed_coefficients(gaussians: Gaussians, block: NDArray[np.int64]) -> NDArray[np.uint8]:
-    """All but the first, [len(block), 3, K − 1]."""
+    """All coefficients but the first, [len(block), 3, K − 1]."""
     rest = gaussians.sh[block, 1:].transpose(0, 2, 1)
-    # 0 is halfway between two steps: the rounding direction alternates, so that it does not become a colour cast
+    # 0 is halfway between two steps, so the rounding direction alternates to avoid a colour cast
     side = 1e-4 * np.where(np.indices(rest.shape).sum(0) % 2, 1, -1)
     return _whole(rest / SH_RANGE + 0.5 + side, 8).astype(np.uint8)
 

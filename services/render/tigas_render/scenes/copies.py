@@ -1,4 +1,4 @@
-"""Copies of a scene side by side: large scenes for tests and measurements."""
+"""Copies of a scene side by side, which make large scenes for tests and measurements."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from tigas_render.scenes.ply import ANTIALIASED
 from tigas_render.scenes.start_view.view import level_frame
 
 MIDDLE = (0.01, 0.99)
-"""Quantiles of the centres between which a copy ends, as few Gaussians may be far away."""
+"""Quantiles of the centres that bound a copy, because a few Gaussians may be far away."""
 
 
 def write_grid(path: Path, scene: Gaussians, up: Point, columns: int, rows: int) -> int:
-    """Write columns × rows copies of a scene on its ground plane, as a compressed PLY; the number of Gaussians.
+    """Write columns × rows copies of a scene on its ground plane as a compressed PLY. Returns the number of Gaussians.
 
-    A part of the last chunk of each copy may be transparent. Memory is that of one copy. Raises OSError.
+    Each copy may be padded with transparent Gaussians. Uses the memory of one copy. Raises OSError.
     """
     frame = level_frame(np.array(up, np.float64))
     order = np.argsort(morton_codes(scene.means), kind="stable")

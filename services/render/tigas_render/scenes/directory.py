@@ -1,13 +1,13 @@
-"""Contents of a models directory: a folder per scene, or a single file, read without loading any Gaussians.
+"""The contents of a models directory: a folder or a single file per scene, read without loading any Gaussians.
 
-A folder with a lod-meta.json is a scene of streamed SOG; other files in it are its parts. Otherwise the scene is the
-output of INRIA's training, the `point_cloud/iteration_N/point_cloud.ply` with the highest N, since the `input.ply` in
-the same folder is no 3DGS scene; else a file with a scene's ending (ENDINGS), in the format of its content; else the
-meta.json of SOG. A folder may hold a `preview.jpg` or `preview.png`, a `scene.json` and a `ladder.json`. A single file
-is a scene by its name without the ending. Hidden files (`.name`) are ignored.
+A folder with a lod-meta.json is a streamed SOG scene, and the other files in it are its parts. Otherwise the scene is
+the first of: the output of INRIA's training, `point_cloud/iteration_N/point_cloud.ply` with the highest N (the
+`input.ply` in the same folder is not a 3DGS scene); a file with one of the ENDINGS, in the format of its content; the
+meta.json of SOG. A folder may also have a `preview.jpg` or `preview.png`, a `scene.json` and a `ladder.json`. The id of
+a single-file scene is the file's name without the ending. Hidden files (`.name`) are ignored.
 
-Symbolic links are followed, also out of the directory, so that models may be on another disk: anybody able to create
-links here could write files as well, and clients name scenes by id only, never by path.
+Symbolic links are followed, even out of the directory, so that models may be on another disk. This is safe because
+anybody who can create links here can write files as well, and clients refer to scenes only by id, never by path.
 """
 
 from __future__ import annotations
@@ -35,16 +35,16 @@ _log = logging.getLogger(__name__)
 
 _SAFE_NAME = re.compile(r"\w[\w .()+-]{0,127}")
 ENDINGS = (".ply", ".sog", ".spz", ".splat")
-"""Endings of files considered as scenes before their content is checked; among several files, the first ending wins."""
+"""Endings of possible scene files, before their content is checked; among several files, the first ending wins."""
 
 
 def scan_directory(directory: Path) -> dict[str, SceneSource]:
-    """Every scene of a models directory by id, broken ones included. Raises OSError as `scene_paths` does."""
+    """All scenes of a models directory by id, including broken ones. Raises OSError, like `scene_paths`."""
     return {id: read_source(path) for id, path in sorted(scene_paths(directory).items())}
 
 
 def scene_paths(directory: Path) -> dict[str, Path]:
-    """The folder or the file of each scene, by id; none if there is no such directory. Raises OSError."""
+    """The folder or file of each scene, by id; empty if the directory does not exist. Raises OSError."""
     try:
         entries = [path for path in directory.iterdir() if not path.name.startswith(".")]
     except FileNotFoundError:
@@ -64,25 +64,25 @@ def scene_paths(directory: Path) -> dict[str, Path]:
 
 
 def is_safe_name(id: str) -> bool:
-    """Whether a scene may have an id: letters, with their combining marks, digits, spaces and _.()+-."""
+    """Whether a scene may have this id. Letters with combining marks, digits, spaces and _.()+- are allowed."""
     plain = "".join(character for character in id[1:] if not unicodedata.category(character).startswith("M"))
     return _SAFE_NAME.fullmatch(id[:1] + plain) is not None
 
 
 def _rank(path: Path) -> tuple[int, str]:
-    """Folders first; of files with one name, the ending decides."""
+    """A sort key: folders first, then files by ending, then by name."""
     return -1 if _is_folder(path) else ENDINGS.index(path.suffix.lower()), path.name
 
 
 def _is_scene_file(path: Path) -> bool:
     try:
         return path.suffix.lower() in ENDINGS and path.is_file()
-    except OSError:  # it cannot be read now: a scene that `read_source` finds broken
+    except OSError:  # unreadable now, so `read_source` will report a broken scene
         return True
 
 
 def _is_folder(path: Path) -> bool:
-    """For an unreadable path, such as a link to an unreadable place, the name decides."""
+    """Whether a path is a folder; if it is unreadable, such as a link to an unreadable place, the name decides."""
     try:
         return path.is_dir()
     except OSError:
@@ -90,7 +90,7 @@ def _is_folder(path: Path) -> bool:
 
 
 def read_source(path: Path) -> SceneSource:
-    """The source of a scene in a folder or a single file; a broken scene has an `error`."""
+    """The source of a scene in a folder or a single file. A broken scene has an `error`."""
     is_folder, metadata, version = _is_folder(path), SceneMetadata(), ""
     id = path.name if is_folder else scene_id(path)
     try:
@@ -105,7 +105,7 @@ def read_source(path: Path) -> SceneSource:
     except OSError as error:
         is_unread, reason = not isinstance(error, FileNotFoundError), error.strerror or error
         return SceneSource(id, metadata, version, None, f"{id} cannot be read: {reason}.", is_unread=is_unread)
-    except Exception:  # so that a faulty scene does not hide the others
+    except Exception:  # a faulty scene must not hide the others
         _log.exception("The scene %s was not read", id)
         return SceneSource(id, metadata, version, None, f"{id} could not be read; the server's log says why.")
     return SceneSource(
@@ -141,7 +141,7 @@ def _version(path: Path) -> str:
 
 
 def _ladder(scene: Path) -> tuple[Rung, ...] | None:
-    """Its own; None if it has none that can be used."""
+    """The scene's own ladder; None if there is no usable one."""
     try:
         return read_ladder(scene)
     except BrokenScene as error:
@@ -150,23 +150,23 @@ def _ladder(scene: Path) -> tuple[Rung, ...] | None:
 
 
 def _sha256(paths: tuple[Path, ...]) -> str:
-    """Of a file; of several, of their digests."""
+    """The SHA-256 of a file; for several files, the SHA-256 of their digests."""
     digests = [_read_sha256(path, status.st_size, status.st_mtime_ns) for path in paths for status in (path.stat(),)]
     return digests[0] if len(digests) == 1 else hashlib.sha256("".join(digests).encode()).hexdigest()
 
 
 @lru_cache(maxsize=1024)
 def _read_sha256(path: Path, size: int, modified_ns: int) -> str:
-    """Checksum of a file, cached while its size and time are unchanged: it may have gigabytes."""
+    """The SHA-256 of a file, cached while its size and time are unchanged, because it may have gigabytes."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def read_scene_file(path: Path) -> SceneFile:
-    """Description of a scene's file in any format, by its content, or of the one in its folder.
+    """Describe a scene's file in any format, identified by its content, or the file in its folder.
 
-    A SOG scene of several files is its meta.json, a streamed one its lod-meta.json. Raises BrokenScene, with one
-    sentence.
+    path: of a SOG scene in several files, its meta.json; of a streamed one, its lod-meta.json. Raises BrokenScene, with
+    one sentence.
     """
     with explained(path):
         if path.is_dir():
@@ -190,7 +190,7 @@ def read_scene_file(path: Path) -> SceneFile:
 
 
 def find_scene_file(folder: Path) -> Path:
-    """The scene's file in a folder. Raises BrokenScene if it has none, and OSError."""
+    """The scene's file in a folder. Raises BrokenScene if there is no scene, and OSError."""
     paths = {path.name: path for path in folder.iterdir()}
     if LOD_META in paths:
         return paths[LOD_META]

@@ -1,4 +1,4 @@
-"""State of an available scene: whether it is loaded, its users, and its memory."""
+"""The state of an available scene: whether it is loaded, its users, and its memory."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class LoadedScene:
     view: StartView
     """From the scene's metadata, or derived from its Gaussians."""
     is_coarse: bool = False
-    """Whether it stands in for the scene, which is loading."""
+    """Whether this is a coarse stand-in for a scene that is still loading."""
 
     @property
     def camera(self) -> StartCamera:
@@ -41,7 +41,7 @@ class LoadedScene:
 
 
 class LoadingEnded(Overloaded):
-    """Loading a scene was given up."""
+    """The loading of a scene was aborted."""
 
 
 class Entry:
@@ -53,31 +53,31 @@ class Entry:
         self.loaded: LoadedScene | None = None
         self.loading: asyncio.Task[TigasError | None] | None = None
         self.begun = asyncio.Event()
-        """Set once the coarse scene is there, or is known to be missing, or loading has ended."""
+        """Set once the coarse scene is available or known to be missing, or loading has ended."""
         self.coarse: LoadedScene | None = None
-        """A coarse scene, while this one is loading."""
+        """The coarse scene, while this one is loading."""
         self.reserved = 0
-        """Bytes that it takes, or is going to take once it is loaded."""
+        """Bytes that the scene takes, or will take once it is loaded."""
         self.queued = False
-        """Whether loading waits until others have been read."""
+        """Whether loading waits until other scenes have been read."""
         self.sha256: str | None = None
-        """Of the file that was loaded last."""
+        """The SHA-256 of the file that was loaded last."""
         self.view: StartView | None = given_view(source.metadata)
-        """The start view, if it is known without loading the scene, or was loaded once."""
+        """The start view, if it is known without loading the scene or the scene was loaded before."""
         self.users = 0
         self.last_used = 0.0
         self.last_viewed = -math.inf
         self.leaving = False
-        """To be unloaded once unused."""
+        """Whether to unload the scene once it is unused."""
         self.progress = 0.0
-        """How much of it has been read, from 0 to 1, while it is loading."""
+        """The share that has been read, 0 to 1, while the scene is loading."""
 
     def usable(self, *, coarse: bool) -> LoadedScene | None:
-        """The scene, or, with `coarse`, at least its coarse one; None if it must be loaded first."""
+        """The loaded scene, or with `coarse` perhaps the coarse one; None if it must be loaded first."""
         return self.loaded or (self.coarse if coarse else None)
 
     def info(self, *, builtin: bool) -> SceneInfo:
-        """The scene, for clients."""
+        """The scene's description for clients."""
         source, loaded = self.source, self.loaded
         return SceneInfo(
             id=source.id,

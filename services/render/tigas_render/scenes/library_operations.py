@@ -1,7 +1,7 @@
 """Operations on a models directory: add, rename, edit and remove scenes.
 
-A scene is added from a file or a URL, whole and readable or not at all. Names are looked up in the directory, so that
-none leads elsewhere.
+A scene is added from a file or a URL, only if it is complete and readable. Ids are looked up among the directory's
+scenes, so that no id can lead outside it.
 """
 
 from __future__ import annotations
@@ -34,18 +34,18 @@ from tigas_render.scenes.streamed_sog import LOD_META, all_files
 
 COPY_BYTES = 1 << 20
 TIMEOUT_S = 30.0
-"""A download is aborted after this many seconds without a byte,"""
+"""Seconds without a byte after which a download is aborted."""
 LEAST_BYTES_PER_S = 1000.0
-"""or if it is slower than this over that time."""
+"""Rate, averaged over TIMEOUT_S, below which a download is aborted."""
 PART = ".adding-"
-"""Prefix of the directory in the models directory in which a scene is being added."""
+"""Prefix of a temporary folder in the models directory for a scene that is being added."""
 REMOVED = ".removed-"
-"""The same, of a scene that is being removed."""
+"""Prefix of a temporary folder in the models directory for a scene that is being removed."""
 MAX_ID_BYTES = 200
-"""File systems allow 255, of which endings and names of temporary files take some."""
+"""Less than the 255 bytes that file systems allow, to leave room for endings and names of temporary files."""
 AS_IT_IS = {"Accept-Encoding": "identity"}
 ENDINGS = {"PLY": ".ply", "compressed PLY": ".compressed.ply", ".splat": ".splat", "SOG": ".sog", STREAMED: ""}
-"""By format; all versions of SPZ are .spz, and SOG is one file from now on, unless it is streamed."""
+"""File endings by format. All versions of SPZ are .spz, and SOG folders become a .sog file unless they are streamed."""
 
 
 class NotAdded(TigasError):
@@ -57,11 +57,10 @@ class NotAdded(TigasError):
 def add_scene(source: str, directory: Path, id: str | None, listener: Listener, limit: int) -> tuple[str, SceneFile]:
     """Copy a scene's file, or download it from an http(s) URL, check that it is readable, and add it to the directory.
 
-    limit: of a download, in bytes.
+    id: by default the file's name without its ending. limit: maximum size of a download in bytes.
 
-    A SOG scene in a folder becomes one file; a streamed one stays a folder, with all levels. The default
-    `id` is derived from the file's name. Returns the id, and the scene's file. Raises NotAdded, BrokenScene and
-    OSError; then the directory is unchanged.
+    A SOG scene in a folder becomes one file; a streamed one stays a folder, with all levels. Returns the id, and the
+    scene's file. Raises NotAdded, BrokenScene and OSError, all of which leave the directory unchanged.
     """
     url = _address(source)
     if url and url.scheme not in ("http", "https"):
@@ -79,7 +78,7 @@ def add_scene(source: str, directory: Path, id: str | None, listener: Listener, 
 
 
 def check_free(directory: Path, id: str) -> None:
-    """Whether a scene can be called so. Raises NotAdded."""
+    """Raise NotAdded if a new scene cannot have this id."""
     if not is_safe_name(id):
         raise NotAdded(f"{id[:100]!r} cannot be a scene's name: use only letters, digits, spaces and _.()+-.")
     if (size := len(id.encode())) > MAX_ID_BYTES:
@@ -91,7 +90,7 @@ def check_free(directory: Path, id: str) -> None:
 
 
 def keep(part: Path, directory: Path, id: str) -> SceneFile:
-    """Read all of a file, and move it into the directory as a scene. Raises as `add_scene` does."""
+    """Check a whole file, and move it into the directory as a scene. Raises the same errors as `add_scene`."""
     file = read_scene_file(part)
     file.check()
     check_free(directory, id)
@@ -138,13 +137,13 @@ def _copy_file(path: Path, target: Path) -> None:
 
 
 def shown(source: str) -> str:
-    """A path, or an address without possible secrets: user, password and query. Raises NotAdded."""
+    """A source for display: a path, or a URL without user, password and query. Raises NotAdded."""
     url = _address(source)
     return f"{url.scheme}://{url.netloc.rpartition('@')[2]}{url.path}" if url else source
 
 
 def _address(source: str) -> SplitResult | None:
-    """The parts of an address; None for a path. Raises NotAdded."""
+    """The parts of a URL; None for a path. Raises NotAdded if the URL is invalid."""
     if "://" not in source:
         return None
     try:
@@ -167,13 +166,13 @@ def _fetch(url: str, part: Path, listener: Listener, limit: int) -> None:
                 raise too_large
             got = 0
             patience = IdleTimeout(TIMEOUT_S, LEAST_BYTES_PER_S, time.monotonic())
-            for content in answer.iter_raw():  # of any size: waiting for full chunks would hide a trickle
+            for content in answer.iter_raw():  # chunks of any size: waiting for full ones would hide a trickle
                 check_room(part.parent, max(len(content), size - got))
                 got += len(content)
                 if got > limit:
                     raise too_large
                 if (now := time.monotonic()) > patience.until:
-                    raise NotAdded(f"{shown(url)} is too slow, so it was given up.")
+                    raise NotAdded(f"{shown(url)} is too slow; the download was aborted.")
                 patience.progress(len(content), now)
                 target.write(content)
                 if size:
@@ -184,12 +183,12 @@ def _fetch(url: str, part: Path, listener: Listener, limit: int) -> None:
 
 
 def _changing(directory: Path) -> AbstractContextManager[object]:
-    """Makes changes of a directory's scenes wait for each other, so that none is lost."""
+    """Serialise the changes to a directory's scenes, so that no change is lost."""
     return locked(directory.resolve())
 
 
 def remove_scene(directory: Path, id: str) -> None:
-    """Remove a scene's file, or its folder with all that is in it; of a link, the link alone.
+    """Remove a scene's file, or its folder with all contents; of a symbolic link, only the link.
 
     Raises UnknownScene and OSError.
     """
@@ -201,14 +200,14 @@ def remove_scene(directory: Path, id: str) -> None:
                 metadata_path(path).unlink(missing_ok=True)
                 return
             hidden = after.enter_context(locked_directory(directory, REMOVED))
-            path.rename(hidden / id)  # removed in one step, however long deleting the files takes
+            path.rename(hidden / id)  # removes the scene in one step, although deleting its files may take long
         shutil.rmtree(hidden / id)
 
 
 def rename_scene(directory: Path, id: str, name: str) -> None:
-    """Give a scene another id by renaming its file or folder. A name in its metadata is updated as well.
+    """Change a scene's id by renaming its file or folder, and the name in its metadata, if any.
 
-    Raises UnknownScene, NotAdded if the id is not possible, and OSError.
+    Raises UnknownScene, NotAdded if it cannot have the new id, and OSError.
     """
     with _changing(directory):
         path = _path(directory, id)
@@ -227,9 +226,9 @@ def _rename(directory: Path, path: Path, name: str) -> None:
         target = directory / f"{name}{path.name.removeprefix(scene_id(path))}"
         if after != before:
             _write_metadata(target, after)
-        elif metadata_path(path).exists():  # also if it is not valid
+        elif metadata_path(path).exists():  # even if it is invalid
             replace_file(metadata_path(target), read_regular(metadata_path(path), MAX_METADATA))
-    same = target.exists() and target.samefile(path)  # the disk ignores case, and only that changes
+    same = target.exists() and target.samefile(path)  # only the case changes, on a case-insensitive file system
     try:
         if same:
             path.rename(target)
@@ -249,8 +248,8 @@ def _rename(directory: Path, path: Path, name: str) -> None:
 def edit_scene(directory: Path, id: str, edit: SceneEdit) -> None:
     """Change a scene's metadata.
 
-    Raises UnknownScene, InvalidRequest if the result is not valid, BrokenScene if the metadata was not before, and
-    OSError; then nothing is changed.
+    Raises UnknownScene, InvalidRequest if the result is invalid, BrokenScene if the metadata is already invalid, and
+    OSError. Nothing is changed in these cases.
     """
     with _changing(directory):
         path = _path(directory, id)
@@ -277,7 +276,7 @@ def _path(directory: Path, id: str) -> Path:
 
 
 def _metadata(scene: Path) -> dict[str, Any]:
-    """The contents of a scene's metadata; empty if it is missing or invalid. Raises OSError."""
+    """The content of a scene's metadata; empty if it is missing or invalid. Raises OSError."""
     try:
         metadata = json.loads(read_regular(metadata_path(scene), MAX_METADATA))
     except (FileNotFoundError, ValueError, RecursionError):

@@ -35,11 +35,11 @@ from tigas_render.scenes.scene_file import (
 )
 
 MAX_HEADER = 64 * 1024
-"""The longest header, in bytes; one with SH degree 3 takes about 1,500."""
+"""Maximum size of a header in bytes; with SH degree 3, it takes about 1,500."""
 REST_COUNTS = {0: 0, 9: 1, 24: 2, 45: 3}
-"""Number of f_rest_* properties to SH degree: 3 · ((degree + 1)² − 1)."""
+"""SH degree by number of f_rest_* properties, which is 3 · ((degree + 1)² − 1)."""
 ANTIALIASED = "SplatRenderMode: mip"
-"""Brush's comment for that."""
+"""The comment by which Brush marks antialiased scenes."""
 REQUIRED = (
     *("x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity"),
     *("scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"),
@@ -47,27 +47,27 @@ REQUIRED = (
 
 _END = re.compile(rb"^end_header *\r?\n", re.MULTILINE)
 _LINE = re.compile(rb" *|[!-~][ -~]*|(comment|obj_info)[\t -~\x80-\xff]*")
-"""Without its end. plyfile takes more for white space, and would see elements where `_ELEMENT` sees none."""
+"""A line without its end. With white space other than spaces, plyfile would see elements that `_ELEMENT` misses."""
 _NOT_ASCII = re.compile(rb"[\x80-\xff]")
-"""Possible in comments only, such as names and paths, and not read by plyfile."""
+"""Bytes allowed only in comments, such as names and paths. plyfile cannot read them."""
 _ELEMENT = re.compile(rb"^(element +([!-~]+) +)([0-9]+) *(\r?)$", re.MULTILINE)
 
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """The header of any PLY but a big-endian one."""
+    """The header of a PLY that is not big-endian."""
 
     ply: PlyData
-    """Without any data."""
+    """The header as read by plyfile, without data."""
     counts: dict[str, int]
-    """Of each element."""
+    """Number of rows by element."""
     data_offset: int
-    """Bytes before the first element."""
+    """Number of bytes before the first element."""
     file_bytes: int
 
     @property
     def antialiased(self) -> bool:
-        """Whether a comment of Brush or Postshot says so; the last word counts."""
+        """Whether a comment of Brush or Postshot marks the scene as antialiased; the last such comment counts."""
         said = False
         for comment in self.ply.comments:
             match comment.lower().split():
@@ -79,7 +79,7 @@ class Layout:
 
 
 def read_ply(path: Path) -> SceneFile:
-    """Description of the file. Raises OSError, and BrokenScene, with one sentence, if it is not an INRIA 3DGS PLY."""
+    """Describe a file. Raises OSError, and BrokenScene, with one sentence, if it is not an INRIA 3DGS PLY."""
     layout = read_layout(path)
     ply, counts, offset, file_bytes = layout.ply, layout.counts, layout.data_offset, layout.file_bytes
     if "vertex" not in ply:
@@ -120,7 +120,7 @@ def read_ply(path: Path) -> SceneFile:
 
 
 def read_layout(path: Path) -> Layout:
-    """Read a header; reads at most MAX_HEADER bytes, and trusts no size in them. Raises OSError and BrokenScene."""
+    """Read a header of at most MAX_HEADER bytes, without trusting any size in it. Raises OSError and BrokenScene."""
     start, file_bytes = read_start(path, MAX_HEADER)
     header, counts = _header_and_counts(path.name, start, file_bytes)
     try:
@@ -135,7 +135,7 @@ def read_layout(path: Path) -> Layout:
 
 
 def _header_and_counts(name: str, start: bytes, file_bytes: int) -> tuple[bytes, dict[str, int]]:
-    """The header up to and with its last line, and each element's count."""
+    """The header including its last line, and each element's count."""
     if not re.match(rb"ply[ \t]*\r?\n", start):
         raise BrokenScene(f"{name} is not a PLY file: it does not begin with 'ply'.")
     end = _END.search(start)
@@ -159,7 +159,7 @@ def _header_and_counts(name: str, start: bytes, file_bytes: int) -> tuple[bytes,
 
 
 def _check_properties(name: str, vertex: PlyElement) -> int:
-    """The SH degree, after a look at the vertices' properties."""
+    """Check the properties of the vertices, and return the SH degree. Raises BrokenScene."""
     properties = {prop.name: prop for prop in vertex.properties}
     listed = next((prop for prop, kind in properties.items() if isinstance(kind, PlyListProperty)), None)
     if listed is not None:
@@ -179,19 +179,19 @@ def _check_properties(name: str, vertex: PlyElement) -> int:
 
 
 def has_lists(element: PlyElement) -> bool:
-    """Whether its rows are of different lengths."""
+    """Whether an element has list properties, so that its rows may differ in length."""
     return any(isinstance(prop, PlyListProperty) for prop in element.properties)
 
 
 def size_problem(name: str, count: int, needed: int, file_bytes: int, *, is_exact: bool = True) -> BrokenScene:
-    """Error about a file with another size than its header announces."""
+    """The error for a file with a size that contradicts its header."""
     what = "is truncated" if file_bytes < needed else "is longer than its header says"
     least = "" if is_exact else "at least "
     return BrokenScene(f"{name} {what}: {count} vertices make {least}{needed} bytes, the file has {file_bytes}.")
 
 
 def ply_header(elements: Iterable[tuple[str, int, str, Iterable[str]]], comments: Iterable[str] = ()) -> bytes:
-    """The header of a binary little-endian PLY: its elements' names, counts, type and names of all properties."""
+    """The header of a binary little-endian PLY. elements: name, count, type of all properties, and their names."""
     lines = ["ply", "format binary_little_endian 1.0", *(f"comment {comment}" for comment in comments)]
     for element, count, kind, properties in elements:
         lines += [f"element {element} {count}", *(f"property {kind} {name}" for name in properties)]
@@ -211,10 +211,10 @@ def _binary_rows(path: Path, file_bytes: int, table: Table, listener: Listener) 
 def _ascii_rows(
     path: Path, offset: int, skip_lines: int, count: int, dtype: np.dtype[np.void], listener: Listener
 ) -> Iterator[Rows]:
-    # NumPy's text reader, as plyfile's takes about a microsecond for each number and reads all of the file at once
+    # NumPy's text reader, because plyfile's takes about a microsecond per number and reads the whole file at once
     with io.TextIOWrapper(open_regular(path), encoding="ascii", errors="replace") as file:
         file.seek(offset)
-        lines = iter(lambda: file.readline(MAX_HEADER), "")  # bounded: the file may have no line ends at all
+        lines = iter(lambda: file.readline(MAX_HEADER), "")  # bounded, because the file may have no line ends at all
         for _ in itertools.islice(lines, skip_lines):
             pass
         for rows in blocks(count, listener):
@@ -234,13 +234,13 @@ def _ascii_rows(
 
 
 def _text_error(error: Exception, start: int) -> str:
-    """NumPy's words about a row, which it counts from the block's first."""
+    """NumPy's message about a row, which it counts from the start of the block."""
     first = str(error).split(";")[0].split(".\n")[0].rstrip(".")
     return f"{first} (counted from vertex {start})" if start else first
 
 
 def _decode(rows: Callable[[Listener], Iterator[Rows]], sh_degree: int, listener: Listener) -> Iterator[Columns]:
-    """Decode a block; a Gaussian with a value that is not finite gets an opacity that drops it."""
+    """Decode blocks. A Gaussian with a value that is not finite gets the opacity NaN, which drops it."""
     for block in rows(listener):
         columns = Columns(len(block), sh_degree)
         with np.errstate(all="ignore"):
@@ -257,7 +257,7 @@ def _decode(rows: Callable[[Listener], Iterator[Rows]], sh_degree: int, listener
 
 
 def _values(block: Rows, names: Sequence[str]) -> Floats:
-    """[rows, len(names)]; a double beyond float32 becomes infinite."""
+    """Columns as float32, [rows, len(names)]; a double out of range becomes infinite."""
     values = np.empty((len(block), len(names)), np.float32)
     for i, name in enumerate(names):
         values[:, i] = block[name]

@@ -1,6 +1,6 @@
 """The scenes of the service: available, loaded and in use.
 
-All methods belong to one event loop; only reading files and preparing scenes happens in worker threads.
+All methods must be called on one event loop; only reading files and packing scenes happen in worker threads.
 """
 
 from __future__ import annotations
@@ -27,22 +27,22 @@ from tigas_render.scenes.start_view.view import KeptViews, StartView, given_view
 _log = logging.getLogger(__name__)
 
 BUILTIN: Mapping[str, SceneSource] = {DEMO_SOURCE.id: DEMO_SOURCE}
-"""Scenes that are part of the package; a folder of the same name takes their place."""
+"""Scenes that are part of the package. A scene with the same id in the models directory replaces them."""
 COARSE_SAMPLE = 12_500
-"""Gaussians from which the start view of a coarse scene is derived in half a second."""
+"""Number of Gaussians from which a coarse scene's start view is derived; takes half a second."""
 READ_AT_ONCE = 2
-"""Scenes that are read at a time, as each takes a worker thread for long; and as many coarse ones."""
+"""Number of scenes read at a time, each of which occupies a worker thread for long; the same for coarse scenes."""
 IN_USE_S = 30.0
-"""Seconds for which a scene counts as in use after its last frame: its viewer may only be standing still."""
+"""Seconds for which a scene counts as in use after its last frame, because a viewer may just be standing still."""
 
 
 class SceneRegistry:
-    """Loads scenes on first use and keeps them while there is memory and interest.
+    """Loads scenes on first use, and keeps them until they have been idle for long or others need the memory.
 
-    `pack` packs a scene for the rasteriser while it is read, in a worker thread; without `own_ladders`, scenes are
-    offered without their own ladders; `views` keeps derived start views, and `coarse` coarse scenes; `memory_budget`
-    (bytes) is the limit of all prepared scenes together; a scene unused for `idle_s` seconds is evicted by the next
-    `evict_idle`; `clock` returns seconds.
+    pack: packs a scene for the rasteriser while it is read; called in a worker thread. own_ladders: whether scenes keep
+    their own ladders. views, coarse: caches of derived start views and of coarse scenes. memory_budget: limit of all
+    prepared scenes together, in bytes. idle_s: seconds without use after which `evict_idle` unloads a scene. clock:
+    returns seconds.
     """
 
     def __init__(
@@ -65,7 +65,7 @@ class SceneRegistry:
         self._views = views
         self._coarse = coarse
         self.budget = memory_budget
-        """Bytes that scenes may take together."""
+        """Limit of all loaded scenes together, in bytes."""
         self._idle_s = idle_s
         self._clock = clock
         self._entries = {id: Entry(source) for id, source in self._offered(builtin).items()}
@@ -77,11 +77,11 @@ class SceneRegistry:
         self._closed = False
 
     async def scan(self) -> None:
-        """Rescan the models directory: adds and removes scenes, and retries changed and broken ones.
+        """Rescan the models directory, to add and remove scenes and to retry changed and broken ones.
 
-        Loaded scenes with an unchanged file stay loaded, also while it cannot be read, and all scenes stay if the
-        directory cannot be read. Scans run one at a time, so that an older listing never replaces a newer one;
-        concurrent callers share the next scan.
+        A loaded scene stays loaded while its file is unchanged or cannot be read, and all scenes stay if the directory
+        cannot be read. Scans run one at a time, so that an older listing never replaces a newer one; concurrent callers
+        share the next scan.
         """
         self._scans_asked += 1
         asked = self._scans_asked
@@ -95,7 +95,7 @@ class SceneRegistry:
                 self._scans_done = started
 
     def _scan(self) -> tuple[Mapping[str, SceneSource], Mapping[str, StartView]]:
-        """In a worker thread: the scenes of the directory, and their start views as far as they are known."""
+        """The scenes of the directory, and their start views as far as known. Runs in a worker thread."""
         found = scan_directory(self._directory) if self._directory else {}
         views = {id: self._known_view(source) for id, source in found.items()}
         return found, {id: view for id, view in views.items() if view is not None}
@@ -132,12 +132,12 @@ class SceneRegistry:
         return {id: replace(source, ladder=None) for id, source in sources.items()}
 
     def infos(self) -> list[SceneInfo]:
-        """Every scene, by id, without its saved views and paths, of which there may be many."""
+        """All scenes, sorted by id, without saved views and paths, because there may be many."""
         left_out: Mapping[str, object] = {"views": {}, "paths": {}}
         return [self._info(entry).model_copy(update=left_out) for entry in self._entries.values()]
 
     def memory(self) -> dict[str, int]:
-        """Bytes of loaded and loading scenes by id, including removed scenes that are in use."""
+        """Memory of loaded and loading scenes in bytes by id, including removed scenes that are still in use."""
         taken: dict[str, int] = {}
         for entry in (*self._entries.values(), *self._retired):
             if entry.reserved:
@@ -152,21 +152,21 @@ class SceneRegistry:
         return self._info(self._entry(scene_id))
 
     def source(self, scene_id: str) -> SceneSource:
-        """Where a scene comes from. Raises UnknownScene."""
+        """A scene's source. Raises UnknownScene."""
         return self._entry(scene_id).source
 
     def use(self, scene_id: str, *, coarse: bool = False) -> SceneUse:
         """A context manager that holds the scene in memory: `async with registry.use(id) as loaded`.
 
-        coarse: while the scene loads, its coarse one will do. Entering loads the scene if necessary, and is cheap
-        otherwise. It raises UnknownScene, BrokenScene, and NoRoom if scenes in use leave no room for it.
+        coarse: accept the coarse scene while the scene itself loads. Entering loads the scene if necessary, and is
+        cheap otherwise. It raises UnknownScene, BrokenScene, and NoRoom if scenes in use leave no room for it.
         """
         return SceneUse(self, scene_id, coarse=coarse)
 
     async def load(self, scene_id: str, *, coarse: bool = False) -> None:
-        """Load a scene, even if it was broken before. Raises like `use`.
+        """Load a scene, even if it was broken before. Raises the same errors as `use`.
 
-        coarse: wait only until there is its coarse one.
+        coarse: wait only until the coarse scene is available.
         """
         if self._entry(scene_id).error is not None:
             await self.scan()
@@ -174,14 +174,14 @@ class SceneRegistry:
             self._entry(scene_id).leaving = False
 
     def viewed(self, scene_id: str) -> None:
-        """A viewer had a frame of this scene, if there still is one."""
+        """Note that a viewer has received a frame of this scene. Unknown ids are ignored."""
         if (entry := self._entries.get(scene_id)) is not None:
             entry.last_viewed = self._clock()
 
     def unload(self, scene_id: str) -> None:
-        """Give a scene's memory back; if it is loading, that ends soon.
+        """Release a scene's memory; if it is loading, that is aborted soon.
 
-        Raises SceneInUse, since no viewer may take a scene from another, and UnknownScene.
+        Raises SceneInUse, because no viewer may take a scene away from another, and UnknownScene.
         """
         entry = self._entry(scene_id)
         if entry.users or self._clock() - entry.last_viewed < IN_USE_S:
@@ -193,7 +193,7 @@ class SceneRegistry:
         self._drop_if_leaving(entry)
 
     def evict(self) -> bool:
-        """Unload the least recently used of the unused scenes; False without any."""
+        """Unload the least recently used scene that is not in use; False if there is no such scene."""
         victims = [entry for entry in self._entries.values() if entry.loaded and not entry.users]
         if not victims:
             return False
@@ -203,14 +203,14 @@ class SceneRegistry:
         return True
 
     def evict_idle(self, now: float) -> None:
-        """Unload every scene idle for too long."""
+        """Unload all scenes that have been idle for too long."""
         for entry in self._entries.values():
             if entry.loaded and not entry.users and now - entry.last_used >= self._idle_s:
                 _log.info("Unloaded %s: unused for %.0f s", entry.source.id, now - entry.last_used)
                 self._drop(entry)
 
     def close(self) -> None:
-        """Cancel all loading, including awaited scenes: the service is stopping."""
+        """Abort all loading, even of awaited scenes, because the service is stopping."""
         self._closed = True
 
     async def _acquire(self, scene_id: str, *, coarse: bool) -> tuple[Entry, LoadedScene]:
@@ -235,7 +235,7 @@ class SceneRegistry:
             await entry.begun.wait()
             if entry.coarse is not None:
                 return
-        # shielded: a cancelled waiter must not cancel the others' scene
+        # shielded, because a cancelled waiter must not cancel loading for the others
         error = await asyncio.shield(loading)
         if isinstance(error, LoadingEnded) and not self._closed:
             return  # it was unloaded in the meantime
@@ -261,7 +261,7 @@ class SceneRegistry:
             async with self._reading:
                 entry.queued = False
                 self._check_wanted(entry)
-                self._make_room(entry, source.memory_bytes)  # again, if it was given back meanwhile
+                self._make_room(entry, source.memory_bytes)  # again, as a queued entry may lose its reservation
                 loaded = await self._read_with_room(entry)
                 self._make_room(entry, loaded.prepared.nbytes)
                 self._check_wanted(entry)
@@ -283,7 +283,7 @@ class SceneRegistry:
             self._drop_if_leaving(entry)
 
     def _failed(self, entry: Entry, error: Exception) -> TigasError:
-        """The error of an entry that was not loaded, for its waiters."""
+        """Record why an entry was not loaded, and return the error for its waiters."""
         name = entry.source.name
         if isinstance(error, OSError):  # the file was renamed or removed meanwhile
             error = BrokenScene(f"{name} cannot be read: {error.strerror or error}.")
@@ -297,16 +297,16 @@ class SceneRegistry:
         return error
 
     async def _read_with_room(self, entry: Entry) -> LoadedScene:
-        """Read a scene; if the device's memory is full, once more after unloading another."""
+        """Read a scene; if the device's memory is full, retry once after unloading another."""
         try:
             return await asyncio.to_thread(self._read, entry)
         except OutOfDeviceMemory:
             if not self.evict():
                 raise
-        return await asyncio.to_thread(self._read, entry)  # after the error, which references the allocations
+        return await asyncio.to_thread(self._read, entry)  # outside `except`, as the error references the allocations
 
     def _read_coarse(self, entry: Entry) -> LoadedScene | None:
-        """In a worker thread: the coarse scene of a large one, if there is any."""
+        """The coarse scene of a large scene, if available. Runs in a worker thread."""
         source, statistics = entry.source, SceneStatistics(COARSE_SAMPLE)
         try:
             file = self._coarse.read(source) if self._coarse else None
@@ -315,13 +315,13 @@ class SceneRegistry:
             scene = statistics.collect(file.open(lambda _: self._check_wanted(entry)))
             prepared = self._pack(scene)
         except (BrokenScene, OSError, OutOfDeviceMemory) as error:
-            _log.warning("%s has no picture while it loads: %s", source.id, error)
+            _log.warning("%s cannot be shown while it loads: %s", source.id, error)
             return None
         view = entry.view or self._known_view(source) or statistics.view(source.metadata)
         return LoadedScene(source, prepared, statistics.count, view, is_coarse=True)
 
     def _read(self, entry: Entry) -> LoadedScene:
-        """In a worker thread: from the file to the rasteriser's form."""
+        """Read a scene's file and pack it for the rasteriser. Runs in a worker thread."""
         source, statistics = entry.source, SceneStatistics()
 
         def listen(progress: float) -> None:
@@ -332,7 +332,7 @@ class SceneRegistry:
             scene = statistics.collect(source.read(listen))
             prepared = self._pack(replace(scene, check=lambda: self._check_wanted(entry)))
         except OutOfDeviceMemory as error:
-            raise error.with_traceback(None) from None  # it would keep the allocations alive
+            raise error.with_traceback(None) from None  # the traceback would keep the allocations alive
         view = self._known_view(source)
         if view is None:
             view = statistics.view(source.metadata)
@@ -343,14 +343,14 @@ class SceneRegistry:
         return LoadedScene(source, prepared, statistics.count, view)
 
     def _check_wanted(self, entry: Entry) -> None:
-        """Raises LoadingEnded if loading an entry has become pointless. May be called in a worker thread."""
+        """Raise LoadingEnded if loading an entry has become pointless. May be called in a worker thread."""
         if self._closed:
             raise LoadingEnded(f"{entry.source.name} was not loaded, as the service is stopping.")
         if entry.leaving and not entry.users:
             raise LoadingEnded(f"{entry.source.name} was unloaded while it was loading.")
 
     def _make_room(self, entry: Entry, needed: int) -> None:
-        """Reserve `needed` bytes for an entry, evicting unused scenes, least recently used first."""
+        """Reserve `needed` bytes, evicting unused scenes, least recently used first. Raises BrokenScene and NoRoom."""
         if needed > self.budget:
             raise BrokenScene(
                 f"{entry.source.name} takes {needed / 1e6:.1f} MB in memory, and all scenes together may take"
@@ -401,7 +401,7 @@ class SceneRegistry:
 
 
 class SceneUse:
-    """Holds a scene in memory while its context lasts, or from one of the ways to enter until `leave`."""
+    """Holds a scene in memory, as a context manager, or from `enter` or `enter_if_loaded` until `leave`."""
 
     __slots__ = ("_coarse", "_entry", "_registry", "_scene_id")
 
@@ -420,12 +420,12 @@ class SceneUse:
         return scene
 
     async def enter(self) -> LoadedScene:
-        """The scene, loaded if necessary. Raises like `SceneRegistry.use`."""
+        """The scene, loaded if necessary. Raises the same errors as `SceneRegistry.use`."""
         self._entry, loaded = await self._registry._acquire(self._scene_id, coarse=self._coarse)
         return loaded
 
     def leave(self) -> None:
-        """The scene may be unloaded again."""
+        """Allow the scene to be unloaded again."""
         self._registry._release(self._entry)
 
     async def __aenter__(self) -> LoadedScene:
@@ -438,11 +438,11 @@ class SceneUse:
 
 
 def _may_be_same(before: SceneSource, now: SceneSource) -> bool:
-    """Whether a scene that cannot be read now is unchanged as far as that is known: by its main file, if at all."""
+    """Whether a scene that cannot be read now may be unchanged: its main file is, or could not be read either."""
     return now.is_unread and before.version.startswith(now.version)
 
 
 def _turned(view: StartView | None, source: SceneSource) -> StartView | None:
-    """A scene's former view, with the up axis of its metadata if that has one."""
+    """A scene's previous view, with the up axis of its metadata, if any."""
     up = source.metadata.up
     return view if view is None or up is None else view.model_copy(update={"up": up})

@@ -1,4 +1,4 @@
-"""A scene's file in any format: its description, and its Gaussians, decoded a block at a time."""
+"""A scene's file in any format: its description, and its Gaussians, decoded block by block."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from tigas_common.files import open_regular
 from tigas_render.gaussians import Batches, Gaussians
 
 BLOCK = 4096
-"""Gaussians that are read at a time, so that memory for them does not grow with the scene."""
+"""Number of Gaussians read at a time, so that memory does not grow with the scene."""
 FARTHEST = 1e9
-"""Scene units: no camera goes farther, and squares of larger standard deviations overflow."""
+"""Maximum coordinate and scale in scene units: no camera goes farther, and squares of larger scales overflow."""
 SAMPLE = 1 << 17
-"""Gaussians of a large scene's sample, about: they are read and packed in a quarter of a second."""
+"""Approximate number of Gaussians in a large scene's sample, which are read and packed in a quarter of a second."""
 MOST_STEP = 256
-"""Of a sample from a file: the chunks of a compressed PLY have so many Gaussians."""
+"""Maximum step of a sample: the number of Gaussians in a chunk of a compressed PLY."""
 C0 = 0.28209479177387814
 """The spherical harmonic of degree 0: 1 / (2 √π)."""
 
@@ -35,11 +35,11 @@ _log = logging.getLogger(__name__)
 Floats = NDArray[np.floating[Any]]
 Rows = NDArray[np.void]
 Listener = Callable[[float], None]
-"""Progress callback of a long task, from 0 to 1; an exception from it ends the task."""
+"""Progress callback of a long task, called with 0 to 1. It may raise an error to abort the task."""
 
 
 class Columns:
-    """Buffer for a block of Gaussians, as float32. Decoders write every row of every array."""
+    """A buffer for a block of Gaussians, as float32. Decoders must write every row of every array."""
 
     def __init__(self, count: int, sh_degree: int) -> None:
         self.means = np.empty((count, 3), np.float32)
@@ -55,7 +55,7 @@ class Columns:
         return len(self.means)
 
     def only(self, rows: NDArray[np.bool_], sh_degree: int) -> Columns:
-        """Selected rows, with the coefficients of an equal or higher degree; missing ones are 0."""
+        """The selected rows, extended to an equal or higher SH degree with coefficients of 0."""
         some = Columns(int(np.count_nonzero(rows)), sh_degree)
         some.means[:], some.scales[:] = self.means[rows], self.scales[rows]
         some.quaternions[:], some.opacities[:] = self.quaternions[rows], self.opacities[rows]
@@ -63,7 +63,7 @@ class Columns:
         return some
 
     def gaussians(self, *, antialiased: bool) -> Gaussians:
-        """The drawable Gaussians, without any that is not finite, extends beyond FARTHEST, or lacks a rotation."""
+        """The drawable Gaussians: finite, within FARTHEST, and with a rotation."""
         usable = np.isfinite(self.quaternions).all(1) & np.isfinite(self.opacities)
         usable &= np.isfinite(self.sh).all((1, 2))
         with np.errstate(invalid="ignore"):
@@ -76,27 +76,28 @@ class Columns:
 
 @dataclass(frozen=True, slots=True)
 class SceneFile:
-    """A scene's file, or files, as their headers describe them, validated against their size."""
+    """A scene's file or files, as described by their headers and checked against their sizes."""
 
     format: str
-    """For people."""
+    """The format's name, for display."""
     files: tuple[Path, ...]
-    """All of its files, the main one first."""
+    """All files of the scene, the main one first."""
     count: int
     """Number of Gaussians, at least 1."""
     sh_degree: int
     """0 to 3."""
     file_bytes: int
     decode: Callable[[Listener], Iterator[Columns]]
-    """Reads them from first to last. Raises BrokenScene and OSError. It takes a few megabytes, unless its module says
-    otherwise."""
+    """Reads all Gaussians in order. Raises BrokenScene and OSError. Uses a few megabytes of memory, unless the format's
+    module says otherwise."""
     antialiased: bool = False
-    """Whether it was trained with Mip-Splatting's 2D filter, if the file says so."""
+    """Whether the scene was trained with Mip-Splatting's 2D filter, according to the file."""
     coarse: Callable[[], SceneFile | None] = lambda: None
-    """Describes a small part of it that shows all of the scene; None without one. Raises BrokenScene and OSError."""
+    """Describes a small part that shows the whole scene; None if there is no such part. Raises BrokenScene and OSError.
+    """
 
     def with_sample(self, decode: Callable[[int, Listener], Iterator[Columns]]) -> SceneFile:
-        """The same, with a sample as its coarse part. decode: reads every nth Gaussian without SH coefficients."""
+        """A copy with a sample as its coarse part. decode: reads every nth Gaussian, without SH coefficients."""
         step = min(MOST_STEP, 1 << max(0, (self.count // SAMPLE).bit_length() - 1))
         sample = replace(
             self,
@@ -107,21 +108,21 @@ class SceneFile:
         return replace(self, coarse=lambda: sample)
 
     def open(self, listener: Listener) -> Batches:
-        """Its drawable Gaussians, to be read with a progress callback. Reading raises BrokenScene."""
+        """The drawable Gaussians. listener: progress callback. Reading them raises BrokenScene."""
         return Batches(self.count, self._drawable(listener))
 
     def check(self) -> None:
-        """Read everything, and keep nothing. Raises BrokenScene."""
+        """Read all Gaussians without keeping them. Raises BrokenScene."""
         for _ in self.open(lambda _: None).parts:
             pass
 
     def load(self) -> Gaussians:
-        """Raises BrokenScene."""
+        """Read and return all drawable Gaussians. Raises BrokenScene."""
         return self.open(lambda _: None).gathered()
 
     @property
     def packed_bytes(self) -> int:
-        """Bytes that it takes when it is loaded, about: rasterisers keep coefficients in half precision."""
+        """Approximate memory of the loaded scene in bytes: rasterisers keep coefficients in half precision."""
         return self.count * (40 + 6 * (self.sh_degree + 1) ** 2)
 
     def _drawable(self, listener: Listener) -> Iterator[Gaussians]:
@@ -139,15 +140,15 @@ class SceneFile:
 
 
 def growth(times: float) -> np.float32:
-    """How many times larger Gaussians are best drawn if there are so many times fewer, or they cover as much less.
+    """The best factor by which to enlarge Gaussians that are `times` fewer, or cover an area `times` smaller.
 
-    The exponent of 1/2 would compensate for the whole missing area, and gaps are only part of the error.
+    An exponent of 1/2 would compensate for all of the missing area, but gaps are only part of the error.
     """
     return np.float32(times ** (3 / 8))
 
 
 def _enlarged(blocks: Iterator[Columns], times: np.float32) -> Iterator[Columns]:
-    """The same with larger Gaussians, to close the gaps between them."""
+    """Enlarge the Gaussians of each block, to close the gaps between them."""
     for columns in blocks:
         columns.scales *= times
         yield columns
@@ -155,27 +156,27 @@ def _enlarged(blocks: Iterator[Columns], times: np.float32) -> Iterator[Columns]
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Rows of a binary file."""
+    """A table of equally long rows in a binary file."""
 
     offset: int
-    """Bytes before the first."""
+    """Number of bytes before the first row."""
     count: int
     dtype: np.dtype[np.void]
     step: int = 1
-    """Rows of the file for each row of the table."""
+    """Number of the file's rows per row of the table."""
 
     @property
     def end(self) -> int:
         return self.offset + self.count * self.dtype.itemsize
 
     def every(self, step: int) -> Table:
-        """Every nth row, as a table."""
+        """A table of every nth row."""
         return replace(self, count=self.count // step, step=step)
 
     def rows(self, file: io.BufferedReader, start: int, stop: int) -> Rows:
         """Read rows. Raises OSError, and BrokenScene if the file has become shorter.
 
-        The file is not mapped: whoever shortens a mapped file ends the process (SIGBUS).
+        The file is not memory-mapped, because truncating a mapped file would crash the process (SIGBUS).
         """
         size, fd = self.dtype.itemsize, file.fileno()
         stride = self.step * size
@@ -191,7 +192,7 @@ class Table:
 
 
 def blocks(count: int, listener: Listener) -> Iterator[slice]:
-    """Rows in slices of BLOCK; the listener is called after each."""
+    """Slices of up to BLOCK rows. The listener is called after each."""
     for start in range(0, count, BLOCK):
         stop = min(start + BLOCK, count)
         yield slice(start, stop)
@@ -201,7 +202,7 @@ def blocks(count: int, listener: Listener) -> Iterator[slice]:
 def blocks_of_file(
     path: Path, file_bytes: int, count: int, listener: Listener
 ) -> Iterator[tuple[io.BufferedReader, slice]]:
-    """The open file with each of its `blocks`. Raises OSError, and BrokenScene if its size changes meanwhile."""
+    """Open a file, and yield it with each of its `blocks`. Raises OSError, and BrokenScene if its size changes."""
     with open_regular(path) as file:
         for rows in blocks(count, listener):
             if os.fstat(file.fileno()).st_size != file_bytes:
@@ -214,18 +215,18 @@ def _changed(path: Path) -> BrokenScene:
 
 
 def read_start(path: Path, limit: int) -> tuple[bytes, int]:
-    """A file's first bytes, at most `limit`, and how many it has. Raises OSError."""
+    """Up to `limit` bytes from the start of a file, and the file's size in bytes. Raises OSError."""
     with open_regular(path) as file:
         return file.read(limit), os.fstat(file.fileno()).st_size
 
 
 class UnreadScene(BrokenScene):
-    """A scene with a file that is there, but could not be read this time."""
+    """A scene with an existing file that could not be read this time."""
 
 
 @contextmanager
 def explained(path: Path) -> Iterator[None]:
-    """Turns the system's errors into a BrokenScene."""
+    """Turn OSErrors into BrokenScene, or UnreadScene if the file exists."""
     try:
         yield
     except OSError as error:
@@ -234,7 +235,7 @@ def explained(path: Path) -> Iterator[None]:
 
 
 def check_packed_count(name: str, count: int, file_bytes: int) -> None:
-    """Refuse implausible compression: a few bytes that announce gigabytes of Gaussians. Raises BrokenScene."""
+    """Raise BrokenScene for implausible compression: a few bytes that announce gigabytes of Gaussians."""
     if count == 0:
         raise BrokenScene(f"{name} has 0 Gaussians, so there is nothing to show.")
     if count > file_bytes:
@@ -242,15 +243,15 @@ def check_packed_count(name: str, count: int, file_bytes: int) -> None:
 
 
 def normalised(quaternions: Floats) -> Floats:
-    """Quaternions [N, 4] with length one; NaN where there is no direction."""
-    wide = quaternions.astype(np.float64)  # as the square of a float32 may overflow
+    """Normalise quaternions [N, 4] to length one; NaN for a length of zero."""
+    wide = quaternions.astype(np.float64)  # because the square of a float32 may overflow
     with np.errstate(all="ignore"):
         wide /= np.linalg.norm(wide, axis=1, keepdims=True)
     return wide
 
 
 def with_largest(others: Floats, largest: NDArray[np.integer[Any]]) -> Floats:
-    """Unit quaternions [N, 4] of which three parts [N, 3] are known, and that the one at `largest` [N] is positive."""
+    """Unit quaternions [N, 4] from three components [N, 3]; the missing one, at index `largest` [N], is positive."""
     quaternions = np.empty((len(others), 4), np.float64)
     quaternions[np.arange(4) != largest[:, None]] = others.reshape(-1)
     missing = np.sqrt(np.maximum(0, 1 - (others.astype(np.float64) ** 2).sum(1)))

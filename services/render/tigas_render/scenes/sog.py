@@ -1,8 +1,8 @@
-"""Reads SOG scenes of PlayCanvas: about a twentieth of a PLY's bytes, as lossless WebP images and a meta.json.
+"""Reads PlayCanvas' SOG scenes: lossless WebP images and a meta.json, about a twentieth of the size of a PLY.
 
 The format, version 2: https://developer.playcanvas.com/user-manual/gaussian-splatting/formats/sog/. Each Gaussian is
-the same pixel of several images, row by row. They are decoded one after the other, which takes about 24 bytes per
-Gaussian, and kept, with 17 to 19, while Gaussians are made of them.
+the same pixel in several images, row by row. The images are decoded one after the other, which takes about 24 bytes per
+Gaussian, and the result, 17 to 19 bytes per Gaussian, is kept while the Gaussians are decoded.
 """
 
 from __future__ import annotations
@@ -36,28 +36,28 @@ from tigas_render.scenes.scene_file import (
 from tigas_render.scenes.sog_files import META, Read, opened
 
 MAX_META = 256 * 1024
-"""Bytes; three codebooks take about 15,000."""
+"""Maximum size of a meta.json in bytes; three codebooks take about 15,000."""
 MOST_COUNT = 1 << 27
-"""Gaussians: more have no room in an image of WebP that Pillow opens."""
+"""Maximum number of Gaussians; more do not fit in a WebP image that Pillow opens."""
 PALETTE_WIDTH = 64
-"""Entries of the palette in a row of its image."""
+"""Number of palette entries per row of its image."""
 
 PLAIN_NAME = re.compile(r"[\w-][\w .-]{0,99}", re.ASCII)
 SPARE_PIXELS = 1 << 16
-"""Beyond as many again as there are Gaussians: images have whole rows, and small scenes may have large ones."""
+"""Pixels allowed beyond two per Gaussian, because rows are whole and small scenes may have large images."""
 MOST_IMAGE_BYTES = 1 << 30
 STRIP_ROWS = 64
-"""Of a decoded image, that are taken out of it at a time."""
+"""Number of rows copied from a decoded image at a time."""
 LOSSLESS, EXTENDED = b"VP8L", b"VP8X"
 FIRST_TAG = 252
-"""The fourth byte of a rotation, less this, is the index of the largest component."""
+"""The fourth byte of a rotation, minus this, is the index of the largest component."""
 
 IMAGES_SHARE = 0.5
 """Approximate share of the reading time spent on decoding the images."""
 
 _Pixels = NDArray[np.uint8]
 _Decoder = Callable[[Columns, slice], None]
-"""Writes an attribute of some rows."""
+"""Writes one attribute of a slice of the Gaussians to a buffer."""
 
 Triple = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
 Codebook = Annotated[Entries[FiniteFloat], Field(min_length=256, max_length=256)]
@@ -76,7 +76,7 @@ class Means(_Part):
     mins: Triple
     maxs: Triple
     files: tuple[Name, Name]
-    """The lower bytes, and the upper ones."""
+    """Images with the lower and the upper bytes."""
 
 
 class Quaternions(_Part):
@@ -84,24 +84,24 @@ class Quaternions(_Part):
 
 
 class Coded(_Part):
-    """Scales, as logarithms, or first coefficients with opacities: bytes that choose from a codebook."""
+    """Scales (logarithms), or first coefficients with opacities, as bytes that index a codebook."""
 
     codebook: Codebook
     files: tuple[Name]
 
 
 class Palette(_Part):
-    """The other coefficients: each Gaussian chooses an entry."""
+    """The other coefficients, as a palette of which each Gaussian has one entry."""
 
     count: int = Field(ge=1, le=1 << 16)
     bands: int = Field(ge=1, le=3)
     codebook: Codebook
     files: tuple[Name, Name]
-    """The entries, and which of them a Gaussian has."""
+    """Images with the entries, and with the index of each Gaussian's entry."""
 
     @property
     def coefficients(self) -> int:
-        """Of each colour in an entry."""
+        """Number of coefficients per colour in an entry."""
         return (self.bands + 1) ** 2 - 1
 
 
@@ -124,7 +124,7 @@ class SogMeta(_Part):
 
     @property
     def antialiased(self) -> bool:
-        """Whether it was trained so: splat-transform writes it as `model` since version 3."""
+        """Whether the scene was trained antialiased, which splat-transform writes as `model` since version 3."""
         return self.antialias or self.model == "antialiased"
 
     @property
@@ -141,7 +141,7 @@ class SogMeta(_Part):
 
 
 def read_sog(path: Path, *, bundled: bool) -> SceneFile:
-    """Description of the scene with this meta.json, or zip. Raises OSError, and BrokenScene, with one sentence."""
+    """Describe the scene with this meta.json, or zip. Raises OSError, and BrokenScene, with one sentence."""
     with opened(path, bundled=bundled) as read:
         meta = _parse_meta(path.name, read(META, MAX_META))
     files = (path,) if bundled else (path, *(path.with_name(name) for name in dict.fromkeys(meta.names)))
@@ -156,7 +156,7 @@ def read_sog(path: Path, *, bundled: bool) -> SceneFile:
 
 
 def _parse_meta(name: str, content: bytes) -> SogMeta:
-    """Read a meta.json; `name` is the scene file's, for people."""
+    """Parse a meta.json. name: the scene file's name, for error messages. Raises BrokenScene."""
     try:
         return parse(SogMeta, content, MAX_META)
     except InvalidRequest as error:
@@ -187,7 +187,7 @@ def _decode(
 
 
 class _Images:
-    """The images of a scene, decoded."""
+    """Reads and decodes the images of a scene."""
 
     def __init__(self, read: Read, count: int, limit: int) -> None:
         self._read = read
@@ -195,8 +195,8 @@ class _Images:
         self._limit = limit
 
     def of_gaussians(self, name: str, channels: int) -> _Pixels:
-        """[count, channels]."""
-        # allocated before decoding, so that the decoder's memory is at the end of the heap and returns to the system
+        """The Gaussians' pixels in an image, [count, channels]."""
+        # allocated before decoding, so that the decoder's memory is at the end of the heap and can be returned
         pixels = np.empty((self._count, channels), np.uint8)
         most = 2 * self._count + SPARE_PIXELS
         with self._decoded(name, lambda width, height: self._count <= width * height <= most) as image:
@@ -211,7 +211,7 @@ class _Images:
         return pixels
 
     def of_palette(self, name: str, palette: Palette) -> _Pixels:
-        """[palette.count, palette.coefficients, 3]."""
+        """The palette in an image, [palette.count, palette.coefficients, 3]."""
         size = (PALETTE_WIDTH * palette.coefficients, math.ceil(palette.count / PALETTE_WIDTH))
         with self._decoded(name, lambda width, height: width == size[0] and size[1] <= height <= 1024) as image:
             return np.asarray(image)[..., :3].reshape(-1, palette.coefficients, 3)[: palette.count]
@@ -227,7 +227,7 @@ class _Images:
         try:
             with WebPImagePlugin.WebPImageFile(io.BytesIO(content)) as image:
                 if image.size != size:
-                    raise BrokenScene(f"{name} contradicts itself about its size.")
+                    raise BrokenScene(f"{name} has two different sizes in its headers.")
                 image.load()
                 yield image
         except (OSError, SyntaxError, ValueError, EOFError, Image.DecompressionBombError) as error:
@@ -235,7 +235,7 @@ class _Images:
 
 
 def _webp_size(content: bytes) -> tuple[int, int] | None:
-    """Width and height, before anything is allocated for them; None if it is no WebP, or surely a lossy one."""
+    """Width and height from the header, before anything is allocated; None if it is not WebP, or certainly lossy."""
     if len(content) < 30 or content[:4] != b"RIFF" or content[8:12] != b"WEBP":
         return None
     if content[12:16] == LOSSLESS:

@@ -1,4 +1,4 @@
-"""The files of a SOG scene by name: next to its meta.json, or in one zip with it. Nothing is unpacked to disk."""
+"""Access by name to the files of a SOG scene: next to its meta.json, or in a zip with it, without unpacking to disk."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ META = "meta.json"
 ZIP = b"PK\x03\x04"
 METHODS = zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED
 MAX_DIRECTORY = 64 * 1024
-"""Bytes of a bundle's list of contents; nine files take about 600. Python takes a hundred times as much for them."""
+"""Maximum size in bytes of a zip's directory; nine files take about 600. Python needs a hundred times the memory."""
 
 _END = struct.Struct("<4s4HIIH")
-"""Of a zip: magic, two disks, two counts, the list's size and offset, the comment's length."""
+"""End of a zip's directory: magic, two disks, two counts, the directory's size and offset, the comment's length."""
 _UNREADABLE = zipfile.BadZipFile, zlib.error, OSError, EOFError, NotImplementedError, RuntimeError, ValueError
-"""Errors of Python's zipfile for damaged, encrypted and unusual files in a zip."""
+"""Errors that Python's zipfile raises for damaged, encrypted and unusual files."""
 
 Read = Callable[[str, int], bytes]
-"""Reads the file with a name. Raises BrokenScene if it has more than a number of bytes, or cannot be read."""
+"""Reads a file, by its name and maximum size in bytes. Raises BrokenScene if it is larger or cannot be read."""
 
 
 @contextmanager
 def opened(path: Path, *, bundled: bool) -> Iterator[Read]:
-    """The files of the scene with this meta.json, or zip. Raises OSError, and BrokenScene for a damaged zip."""
+    """Open the scene with this meta.json, or zip, as a context manager. Raises OSError, and BrokenScene if damaged."""
     if not bundled:
         yield lambda name, limit: read_file(path.with_name(path.name if name == META else name), limit)
         return
@@ -48,17 +48,17 @@ def opened(path: Path, *, bundled: bool) -> Iterator[Read]:
 
 
 def read_file(path: Path, limit: int) -> bytes:
-    """A file's content. Raises BrokenScene if it has more than `limit` bytes, or cannot be read."""
+    """Read a file. Raises BrokenScene if it has more than `limit` bytes or cannot be read."""
     with explained(path), open_regular(path) as file:
         size = os.fstat(file.fileno()).st_size
-        content = file.read(min(size, limit) + 1)  # memory for all that it asks for is taken at once
+        content = file.read(min(size, limit) + 1)  # `read` allocates all of the requested size at once
     return _within(path.name, content, limit)
 
 
 def _read_entry(bundle_name: str, bundle: zipfile.ZipFile, name: str, limit: int) -> bytes:
     try:
         about = bundle.getinfo(name)
-        if about.compress_type not in METHODS:  # of others, Python unpacks all that it has read at once
+        if about.compress_type not in METHODS:  # with others, Python unpacks without a limit
             raise NotImplementedError("it is neither stored nor deflated")
         with bundle.open(about) as entry:
             content = entry.read(limit + 1)
@@ -70,7 +70,7 @@ def _read_entry(bundle_name: str, bundle: zipfile.ZipFile, name: str, limit: int
 
 
 def _check_directory(name: str, file: io.BufferedReader) -> None:
-    """Refuse a list of contents that would take much memory, before Python reads it."""
+    """Raise BrokenScene for a zip's directory that would take much memory, before Python reads it."""
     size = file.seek(0, io.SEEK_END)
     file.seek(max(0, size - (1 << 16) - _END.size))
     tail = file.read()
@@ -78,14 +78,14 @@ def _check_directory(name: str, file: io.BufferedReader) -> None:
     if at < 0 or at + _END.size > len(tail):
         raise BrokenScene(f"{name} is a truncated zip: the list of its contents is missing.")
     listed = _END.unpack_from(tail, at)[5]
-    if listed > MAX_DIRECTORY or tail[max(0, at - 20) :].startswith(b"PK\x06\x07"):  # the second: a list elsewhere
+    if listed > MAX_DIRECTORY or tail[max(0, at - 20) :].startswith(b"PK\x06\x07"):  # or a Zip64 directory
         raise BrokenScene(f"{name} is a zip of too many files, or too large a one, for a SOG scene.")
     file.seek(0)
 
 
 def _within(name: str, content: bytes, limit: int) -> bytes:
     if len(content) > limit:
-        raise BrokenScene(f"{name} is larger than {limit} bytes, more than it can need.")
+        raise BrokenScene(f"{name} is larger than {limit} bytes, the maximum.")
     return content
 
 

@@ -1,6 +1,6 @@
-"""An available scene: the source of its Gaussians, and facts known before they are loaded.
+"""An available scene: the source of its Gaussians, and everything known before they are loaded.
 
-A scene's folder may have a scene.json with metadata, and a ladder.json with quality levels; both are read strictly.
+A scene's folder may have a scene.json with metadata and a ladder.json with quality levels. Both are parsed strictly.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ from tigas_render.gaussians import Batches, Gaussians
 from tigas_render.scenes.scene_file import Listener, SceneFile, explained
 
 METADATA, LADDER = "scene.json", "ladder.json"
-"""Names in a scene's folder."""
+"""File names in a scene's folder."""
 DEFAULT_UP: Point = (0.0, -1.0, 0.0)
-"""Captures have OpenCV's axes: y points down."""
+"""The usual up axis of captures, which have OpenCV's axes: y points down."""
 SHORTEST_UP = 1e-6
-"""Smallest longest component: the square of a much shorter vector underflows to 0."""
+"""Minimum length of an up vector's largest component; the square of a much shorter vector underflows to 0."""
 MAX_RUNGS = 16
 MAX_METADATA = 1 << 20
-"""The largest scene.json or ladder.json, in bytes: with room for all views and paths that a scene may have."""
+"""Maximum size of a scene.json or ladder.json in bytes, enough for all views and paths that a scene may have."""
 
 Content = TypeVar("Content", bound=WireModel)
 
 
 class SceneMetadata(WireModel):
-    """The content of a scene.json; every field may be left out."""
+    """The content of a scene.json. All fields are optional."""
 
     name: str | None = Field(default=None, min_length=1, max_length=128)
     up: Point | None = None
@@ -47,7 +47,7 @@ class SceneMetadata(WireModel):
 
     @property
     def look(self) -> str:
-        """All that its pictures and downloads depend on, as a part of their keys in caches."""
+        """All metadata that images and downloads depend on, as a part of their cache keys."""
         return self.model_dump_json(exclude={"views", "paths"})
 
     @field_validator("up")
@@ -74,11 +74,11 @@ class LadderFile(WireModel):
     """The content of a ladder.json, which `tigas scene ladder` writes."""
 
     rungs: Annotated[Entries[Rung], Field(min_length=1, max_length=MAX_RUNGS)]
-    """The best first."""
+    """Quality levels, the best first."""
     views: int | None = Field(default=None, ge=1)
-    """How many views of the scene it was measured on."""
+    """Number of views of the scene on which they were measured."""
     version: str | None = Field(default=None, max_length=100)
-    """Of TIGAS, when it was measured."""
+    """Version of TIGAS that measured them."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -93,25 +93,25 @@ class LadderFile(WireModel):
 
 
 def read_metadata(scene: Path) -> SceneMetadata:
-    """Read the scene.json of a folder, or the NAME.scene.json next to a single file; all fields have defaults.
+    """Read the scene.json of a folder, or the NAME.scene.json next to a single file; defaults if there is no such file.
 
-    Raises BrokenScene with one sentence on the problem.
+    Raises BrokenScene, with one sentence.
     """
     return _read_json(metadata_path(scene), SceneMetadata) or SceneMetadata()
 
 
 def metadata_path(scene: Path) -> Path:
-    """Place of the metadata of a scene's folder or single file."""
+    """Path of the metadata of a scene's folder or single file."""
     return scene / METADATA if scene.is_dir() else scene.with_name(f"{scene_id(scene)}.{METADATA}")
 
 
 def scene_id(path: Path) -> str:
-    """Id of a single-file scene: its name without the ending."""
+    """Id of a single-file scene: the file's name without its ending."""
     return path.stem.removesuffix(".compressed")
 
 
 def read_ladder(scene: Path) -> tuple[Rung, ...] | None:
-    """The rungs in the ladder.json of a scene's folder; None without one. Raises BrokenScene like `read_metadata`."""
+    """Read the rungs in a scene folder's ladder.json; None without one. Raises BrokenScene, with one sentence."""
     ladder = _read_json(scene / LADDER, LadderFile)
     return None if ladder is None else ladder.rungs
 
@@ -133,52 +133,52 @@ def _read_json(path: Path, kind: type[Content]) -> Content | None:
 
 @dataclass(frozen=True, slots=True)
 class SceneSource:
-    """Source and metadata of a scene that need not be loaded."""
+    """The source and metadata of a scene, whether or not it is loaded."""
 
     id: str
     metadata: SceneMetadata
     version: str
-    """Changes when the Gaussians may have changed."""
+    """A string that changes when the Gaussians may have changed."""
     open: Callable[[Listener], Batches] | None
-    """Starts reading the Gaussians, with a progress callback; None if the scene is broken. Both steps raise
-    BrokenScene.
+    """Opens the Gaussians for reading, with a progress callback; None if the scene is broken. Raises BrokenScene, as
+    does reading them.
     """
     error: str | None = None
-    """One sentence, if the scene is broken."""
+    """Why the scene is broken, in one sentence; None if it is not."""
     is_unread: bool = False
-    """Whether that is because a file that is there could not be read this time."""
+    """Whether it is broken only because an existing file could not be read this time."""
     gaussians: int | None = None
     sh_degree: int | None = None
     file_bytes: int = 0
     format: str | None = None
-    """Of the file, for people."""
+    """The file format's name, for display."""
     antialiased: bool = False
-    """Whether it was trained with Mip-Splatting's 2D filter, if the file says so."""
+    """Whether the scene was trained with Mip-Splatting's 2D filter, according to the file."""
     digest: Callable[[], str] | None = None
-    """The SHA-256 of the file, or one for all of several, in hexadecimal digits; None if broken. Raises OSError."""
+    """The SHA-256 of the file or of all files together, in hexadecimal; None if broken. Raises OSError."""
     is_unchanged: Callable[[], bool] = lambda: True
-    """Whether the file is still of this version."""
+    """Whether the file still has this version."""
     coarse: Callable[[], SceneFile | None] = lambda: None
-    """As SceneFile has it."""
+    """Describes a small part that shows the whole scene, like `SceneFile.coarse`."""
     memory_bytes: int = 0
-    """Estimated memory when loaded."""
+    """Estimated memory of the loaded scene."""
     folder: Path | None = None
-    """Its own folder; None if it is built in, or a single file."""
+    """The scene's own folder; None if it is built in or a single file."""
     preview: Path | None = None
-    """The picture that the scene brings along."""
+    """The preview image that comes with the scene."""
     ladder: tuple[Rung, ...] | None = None
-    """Its own quality levels, the best first; None if it has none."""
+    """The scene's own quality levels, the best first, if any."""
 
     @property
     def name(self) -> str:
         return self.metadata.name or self.id
 
     def read(self, listener: Listener) -> Batches:
-        """Begin to read the Gaussians. Raises BrokenScene, as reading may."""
+        """Open the Gaussians for reading. Raises BrokenScene, as does reading them."""
         if self.open is None:
             raise BrokenScene(self.error or f"{self.name} cannot be loaded.")
         return self.open(listener)
 
     def load(self) -> Gaussians:
-        """All Gaussians. Raises BrokenScene."""
+        """Read and return all Gaussians. Raises BrokenScene."""
         return self.read(lambda _: None).gathered()

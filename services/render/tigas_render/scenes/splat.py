@@ -1,7 +1,7 @@
-"""Reads `.splat` files: 32 bytes a Gaussian, with no header and no spherical harmonics.
+"""Reads `.splat` files: 32 bytes per Gaussian, without a header and without spherical harmonics.
 
 The format (https://github.com/antimatter15/splat): position and standard deviations as float32, then colour and opacity
-as four bytes, then a quaternion w, x, y, z as four bytes, 128 for 0.
+as four bytes, then a quaternion w, x, y, z as four bytes, where 128 stands for 0.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ SAMPLE = 1024
 
 
 def looks_like_splat(start: bytes, file_bytes: int) -> bool:
-    """Whether a file with this start consists of such records: nine of ten must be plausible."""
+    """Whether a file with this start is a `.splat` file: nine of ten records must be plausible."""
     if file_bytes == 0 or file_bytes % RECORD.itemsize:
         return False
     records = np.frombuffer(start, RECORD, min(len(start) // RECORD.itemsize, SAMPLE))
@@ -44,7 +44,7 @@ def looks_like_splat(start: bytes, file_bytes: int) -> bool:
 
 
 def read_splat(path: Path) -> SceneFile:
-    """Description of the file. Raises OSError."""
+    """Describe a file. Raises OSError."""
     _, file_bytes = read_start(path, 0)
     table = Table(0, file_bytes // RECORD.itemsize, RECORD)
     file = SceneFile(".splat", (path,), table.count, 0, file_bytes, partial(_decode, path, file_bytes, table))

@@ -1,12 +1,12 @@
-"""Reads SPZ files: about a tenth of a PLY's bytes, as columns of small integers, compressed.
+"""Reads SPZ files: compressed columns of small integers, about a tenth of the size of a PLY.
 
-The format (https://github.com/nianticlabs/spz): versions 2 and 3 are one gzip stream with a header of 16 bytes in it,
-version 4 has a header of 32 bytes and a table before one Zstandard stream per column. Positions have 24 bits in fixed
-point, scales (logarithms) and colours 8, quaternions 24 or 32. The axes are as in the original file, as with the
-tools that write it: the file does not name them.
+The format (https://github.com/nianticlabs/spz): versions 2 and 3 are one gzip stream, including a header of 16 bytes;
+version 4 has a header of 32 bytes and a table, followed by one Zstandard stream per column. Positions are fixed-point
+numbers of 24 bits; scales (logarithms) and colours have 8 bits, quaternions 24 or 32. The axes are used unchanged: the
+file does not name them, and the tools that write it do not convert them.
 
-No column is kept in memory: all are unpacked in parallel, each from its own offset. A gzip stream has to be unpacked up
-to that offset for each of them.
+No column is kept in memory: all are unpacked in parallel, each from its own offset, up to which a gzip stream has to be
+unpacked again for each column.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 MAGIC = b"NGSP"
 GZIP = b"\x1f\x8b"
 COLOUR_SCALE = 0.15
-"""Colours beyond 0 to 1 are kept, as other coefficients may bring them back: a byte spans 1 / 0.15 of the first one."""
+"""Scale of the first coefficient: a byte spans 1 / 0.15, since other coefficients may bring colours back to 0 to 1."""
 MOST_FRACTIONAL_BITS = 24
 PACKED_BYTES = 1 << 16
 
@@ -62,7 +62,7 @@ class _Stream(Protocol):
 
 
 class _At(io.RawIOBase):
-    """A file from an offset on, with an independent position."""
+    """A view of a file from an offset, with an independent position."""
 
     def __init__(self, file: io.BufferedReader, at: int) -> None:
         self._file = file
@@ -78,14 +78,14 @@ class _At(io.RawIOBase):
 
 
 class _Inflated:
-    """A gzip stream, unpacked on demand; Python's own reader takes a header of any length byte by byte."""
+    """A gzip stream, unpacked on demand. Python's own reader would read a header of any length byte by byte."""
 
     def __init__(self, file: io.BufferedReader) -> None:
         self._file = file
         self._zlib = zlib.decompressobj(16 + zlib.MAX_WBITS)
 
     def read(self, size: int, /) -> bytes:
-        """At most this many bytes; empty at the end. Raises EOFError and zlib.error."""
+        """Read up to `size` bytes; empty at the end. Raises EOFError and zlib.error."""
         while not self._zlib.eof:
             packed = self._zlib.unconsumed_tail or self._file.read(PACKED_BYTES)
             if content := self._zlib.decompress(packed, size):
@@ -102,17 +102,17 @@ class _Header:
     sh_degree: int
     fractional_bits: int
     starts: tuple[int, ...] = ()
-    """Of version 4: where the columns begin."""
+    """Offsets of the columns, in version 4."""
 
     @property
     def widths(self) -> dict[int, int]:
-        """Bytes that a Gaussian has in each column: position, opacity, colour, scale, rotation, other coefficients."""
+        """Bytes per Gaussian by column: position, opacity, colour, scale, rotation, other coefficients."""
         widths = (9, 1, 3, 3, 3 if self.version == 2 else 4, 3 * ((self.sh_degree + 1) ** 2 - 1))
         return {column: width for column, width in enumerate(widths) if width}
 
 
 def read_spz(path: Path) -> SceneFile:
-    """Description of the file. Raises OSError, and BrokenScene, with one sentence, if its header is unreadable."""
+    """Describe a file. Raises OSError, and BrokenScene, with one sentence, if its header is unreadable."""
     with _opened(path) as file:
         file_bytes = file.seek(0, io.SEEK_END)
         file.seek(0)
@@ -134,7 +134,7 @@ def _decode(path: Path, header: _Header, listener: Listener) -> Iterator[Columns
 
 
 def _column_streams(name: str, file: io.BufferedReader, header: _Header) -> list[_Stream]:
-    """Readers of the columns."""
+    """A reader for each column."""
     if header.version == 4:
         return [zstandard.ZstdDecompressor().stream_reader(_from(file, start)) for start in header.starts]
     streams: list[_Stream] = []
@@ -161,7 +161,7 @@ def _from(file: io.BufferedReader, at: int) -> io.BufferedReader:
 
 
 def _read_header(name: str, file: io.BufferedReader, file_bytes: int) -> tuple[_Header, bool]:
-    """The header, in a gzip stream or plainly there, and whether the scene was trained antialiased."""
+    """The header, perhaps in a gzip stream, and whether the scene was trained antialiased."""
     packed = file.read(2) == GZIP
     file.seek(0)
     magic, version, count, sh_degree, fractional_bits, flags, streams = _HEADER.unpack(
@@ -185,7 +185,7 @@ def _read_header(name: str, file: io.BufferedReader, file_bytes: int) -> tuple[_
 
 
 def _starts(name: str, file: io.BufferedReader, header: _Header, streams: int, file_bytes: int) -> tuple[int, ...]:
-    """Where the columns of version 4 begin, after a look at the table of them."""
+    """Check the table of columns of version 4, and return their offsets. Raises BrokenScene."""
     file.seek(_HEADER.size)
     (table,) = _TABLE.unpack(_exactly(name, file, _TABLE.size))
     if streams != len(header.widths):
@@ -215,7 +215,7 @@ def _exactly(name: str, stream: _Stream, size: int) -> bytes:
 
 
 def _fill(columns: Columns, column: int, content: _Bytes, header: _Header) -> None:
-    """Decode the rows [rows, width] of the column with this number."""
+    """Decode the bytes [rows, width] of the column with this number."""
     if column == 0:
         wide = content.reshape(-1, 3, 3).astype(np.int32)
         fixed = wide[..., 0] | wide[..., 1] << 8 | wide[..., 2] << 16
@@ -233,14 +233,14 @@ def _fill(columns: Columns, column: int, content: _Bytes, header: _Header) -> No
 
 
 def _first_three(content: _Bytes) -> Floats:
-    """Quaternions w, x, y, z from x, y, z in a byte each; w is not negative."""
+    """Quaternions w, x, y, z from x, y, z in one byte each, where w is not negative."""
     xyz = content / 127.5 - 1
     w = np.sqrt(np.maximum(0, 1 - (xyz**2).sum(1)))
     return normalised(np.column_stack((w, xyz)))
 
 
 def _smallest_three(content: _Bytes) -> Floats:
-    """Quaternions w, x, y, z from which of x, y, z, w is the largest, in two bits, and the others in ten each."""
+    """Quaternions w, x, y, z from the index of the largest of x, y, z, w in two bits, and the others in ten each."""
     words = np.ascontiguousarray(content).view("<u4")[:, 0]
     fields: NDArray[Any] = words[:, None] >> np.array([20, 10, 0], np.uint32) & 1023
     size = (fields & 511) / (511 * np.sqrt(2))

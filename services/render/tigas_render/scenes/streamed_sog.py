@@ -1,9 +1,9 @@
-"""Reads streamed SOG scenes of PlayCanvas: a lod-meta.json, and folders of SOG that each hold a part at one level.
+"""Reads PlayCanvas' streamed SOG scenes: a lod-meta.json, and SOG files or folders that each have a part at one level.
 
-The format, version 1: https://developer.playcanvas.com/user-manual/gaussian-splatting/formats/streamed-sog/. The finest
-level of each part is read, and the environment around them all, which some published captures have without naming it;
-before, there are pictures of the coarsest level. The parts are read in sequence, so that only one part's images are in
-memory (see `sog`).
+The format, version 1: https://developer.playcanvas.com/user-manual/gaussian-splatting/formats/streamed-sog/. The scene
+consists of the finest level of each part and of the environment around them, which some published captures have but do
+not name. Its coarse scene has the coarsest levels. Parts are read one after the other, so that only one part's images
+are in memory (see `sog`).
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ from tigas_render.scenes.sog_files import META, read_file
 FORMAT = "streamed SOG"
 LOD_META = "lod-meta.json"
 MAX_LOD_META = 16 << 20
-"""Bytes; a leaf of the tree takes some 500."""
+"""Maximum size in bytes; a leaf of the tree takes about 500."""
 MOST_FILES = 4096
-"""Of all levels; splat-transform puts half a million Gaussians into each."""
+"""Maximum number of files of all levels; splat-transform puts half a million Gaussians into each."""
 LEAST_SAVED = 4
-"""The coarsest level is of use if it has so many times fewer Gaussians than the finest."""
+"""Factor by which the coarsest level must have fewer Gaussians than the finest to be useful."""
 ENVIRONMENTS = ("environment.sog", f"environment/{META}")
-"""The environment of a scene without one in its lod-meta.json."""
+"""Possible environments of a scene that does not name one in its lod-meta.json."""
 
 
 def _checked(name: str) -> str:
@@ -50,48 +50,48 @@ def _without_slash(name: object) -> object:
 
 Name = Annotated[str, Field(max_length=200), AfterValidator(_checked)]
 Level = Annotated[int, Field(ge=0, lt=64)]
-"""Of detail; 0 is the finest."""
+"""Level of detail; 0 is the finest."""
 Index = Annotated[int, Field(ge=0, le=MOST_COUNT)]
-"""Of a Gaussian in a file, or how many there are."""
+"""Index of a Gaussian in a file, or a number of Gaussians."""
 
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """Gaussians that follow each other in a file."""
+    """Consecutive Gaussians in a file."""
 
     file: int
-    """Its place among the names."""
+    """Index of the file in `LodMeta.filenames`."""
     offset: Index
     count: Index
 
 
 @dataclass(frozen=True, slots=True)
 class Node:
-    """A leaf, if it has levels of detail; otherwise its children make it up."""
+    """A node of the tree: a leaf if it has levels of detail, otherwise the union of its children."""
 
     children: Entries[Node] = ()
     lods: dict[Level, Run] | None = None
 
 
 class LodMeta(BaseModel):
-    """The content of a lod-meta.json; unknown fields are ignored."""
+    """The content of a lod-meta.json. Unknown fields are ignored."""
 
     model_config = ConfigDict(extra="ignore", frozen=True)
 
     version: Literal[1] = 1
-    """Files from before there were versions have none."""
+    """Missing in files that predate versions."""
     filenames: Annotated[Entries[Name], Field(max_length=MOST_FILES)]
     tree: Node
     environment: Annotated[Name, BeforeValidator(_without_slash)] | None = None
-    """The environment of the scene, always drawn: a SOG file, its meta.json, or the folder of that."""
+    """The scene's environment, which is always drawn: a SOG file, a meta.json, or its folder."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Part:
-    """Some Gaussians of a file."""
+    """A selection of Gaussians from one file."""
 
     name: str
-    """The file's, as the lod-meta.json has it."""
+    """Name of the file in the lod-meta.json."""
     file: SceneFile
     runs: list[range]
 
@@ -113,16 +113,16 @@ class _Part:
 
 
 def read_streamed_sog(path: Path) -> SceneFile:
-    """Description of the scene with this lod-meta.json. Raises BrokenScene, with one sentence."""
+    """Describe the scene with this lod-meta.json. Raises BrokenScene, with one sentence."""
     meta, meta_bytes = _read(path)
     finest = _at_level(min, path, meta, meta_bytes)
     return replace(finest, coarse=partial(_coarsest, finest, path, meta))
 
 
 def all_files(path: Path) -> Iterator[Path]:
-    """The lod-meta.json at this path, and the files of all levels and of the environment. Raises BrokenScene.
+    """The lod-meta.json at this path, and all existing files of all levels and of the environment.
 
-    Coarser levels may be missing.
+    Raises BrokenScene.
     """
     meta, _ = _read(path)
     environment = _environment(path.parent, meta.environment)
@@ -133,7 +133,7 @@ def all_files(path: Path) -> Iterator[Path]:
 
 
 def _read(path: Path) -> tuple[LodMeta, int]:
-    """A lod-meta.json, and its size in bytes. Raises BrokenScene."""
+    """Read a lod-meta.json. Returns its content and its size in bytes. Raises BrokenScene."""
     content = read_file(path, MAX_LOD_META)
     try:
         return parse(LodMeta, content, MAX_LOD_META), len(content)
@@ -148,7 +148,7 @@ def _coarsest(finest: SceneFile, path: Path, meta: LodMeta) -> SceneFile | None:
 
 
 def _at_level(level: Callable[[list[int]], int], path: Path, meta: LodMeta, meta_bytes: int) -> SceneFile:
-    """The scene at one level of each leaf; `level` chooses it. meta_bytes: of the lod-meta.json. Raises BrokenScene."""
+    """The scene at the level of each leaf that `level` chooses. meta_bytes: the lod-meta.json's. Raises BrokenScene."""
     environment = _environment(path.parent, meta.environment)
     runs_of = _chosen(level, path.name, meta)
     parts = [_part(path, name, runs) for name, runs in runs_of.items() if name != environment]
@@ -169,7 +169,7 @@ def _at_level(level: Callable[[list[int]], int], path: Path, meta: LodMeta, meta
 
 
 def _chosen(level: Callable[[list[int]], int], name: str, meta: LodMeta) -> dict[str, list[range]]:
-    """Of each file, the Gaussians that are the chosen level of a leaf, in their order there."""
+    """The Gaussians of each file that belong to the chosen level of a leaf, in file order. Raises BrokenScene."""
     chosen: dict[str, list[range]] = {}
     waiting = [meta.tree]
     while waiting:
@@ -192,14 +192,14 @@ def _chosen(level: Callable[[list[int]], int], name: str, meta: LodMeta) -> dict
 
 
 def _environment(folder: Path, named: str | None) -> str | None:
-    """The environment's file: the named one, or one found in the scene's folder."""
+    """Name of the environment's file: as in the lod-meta.json, or found in the scene's folder."""
     if named is not None:
         return f"{named}/{META}" if (folder / named).is_dir() else named
     return next((name for name in ENVIRONMENTS if (folder / name).is_file()), None)
 
 
 def _part(scene: Path, name: str, runs: list[range] | None) -> _Part:
-    """Without `runs`, all that is in the file."""
+    """Read the description of a part: these runs of the named file, or all of it. Raises BrokenScene."""
     with _named(name):
         file = read_sog(scene.parent / name, bundled=name.endswith(".sog"))
     runs = [range(file.count)] if runs is None else runs
@@ -220,7 +220,7 @@ def _heard(listener: Listener, done: int, count: int, total: int, share: float) 
 
 
 def streamable(folder: Path, name: str) -> Path | None:
-    """The file of a scene in this folder that a client reads under a name relative to it; None if there is none."""
+    """The file that a client may read under this name in a scene's folder; None if there is no such file."""
     path = folder / name
     plain = all(map(PLAIN_NAME.fullmatch, name.split("/")))
     wanted = path.suffix in (".sog", ".webp") or path.name in (META, LOD_META)
@@ -229,7 +229,7 @@ def streamable(folder: Path, name: str) -> Path | None:
 
 @contextmanager
 def _named(name: str) -> Iterator[None]:
-    """Says which of the files is broken."""
+    """Prefix errors with the name of the broken file."""
     try:
         with explained(Path(name)):
             yield

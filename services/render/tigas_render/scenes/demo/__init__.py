@@ -1,4 +1,4 @@
-"""The built-in demo scene, a courtyard with arcades, water, trees and a sky: a folder as in a models directory."""
+"""The built-in demo scene: a courtyard with arcades, water, trees and a sky, in a folder as in a models directory."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A scene's occupied space as a grid of cells, and rays through it."""
+"""A grid of the space that a scene occupies, and rays through it."""
 
 from __future__ import annotations
 
@@ -13,49 +13,49 @@ Cells = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 MOST_CELLS, FEWEST_CELLS = 88, 12
-"""Cells along the longest side."""
+"""Maximum and minimum number of cells along the longest side."""
 MOST_POINTS = 12
-"""Points into which a Gaussian larger than a cell is divided."""
+"""Maximum number of points into which a Gaussian larger than a cell is divided."""
 DEPTH = 0.35
-"""Optical depth from which on a cell is occupied."""
+"""Optical depth above which a cell is occupied."""
 FARTHEST = 10
-"""Cells up to which distances are known."""
+"""Maximum distance, in cells, that is known to the nearest occupied cell."""
 STEPS = 200
 COLUMNS, ROWS = 36, 18
-"""Directions in which the surroundings outside of the grid are kept."""
+"""Resolution of the map of directions in which there are surroundings outside the grid."""
 
 
 @dataclass(frozen=True, slots=True)
 class Hits:
-    """Ends of R rays."""
+    """The ends of R rays."""
 
     distances: Doubles
-    """[R], in scene units; infinite where there is nothing, and where only the surroundings outside of the grid are."""
+    """[R] distance in scene units; infinite if the ray hits no cell of the grid."""
     cells: Cells
-    """[R] flat index of the cell that was hit; -1 where none was."""
+    """[R] flat index of the cell that was hit, or -1."""
     covered: Flags
-    """[R] whether there is a surface, in the grid or in its surroundings."""
+    """[R] whether the ray hits a surface, in the grid or in its surroundings."""
 
 
 class Grid:
-    """Cells across the middle of a capture; all else is a distant surrounding."""
+    """Cells across the middle of a capture; everything outside it counts as distant surroundings."""
 
     def __init__(self, found: Surfels, share: float, *, whole: bool = False) -> None:
-        """found: in a frame of right, down and forward, a `share` of the Gaussians; `whole`: with the surroundings."""
+        """found: in a right, down, forward frame. share: of the Gaussians. whole: include the surroundings."""
         low, high = np.quantile(found.centres, (0.002, 0.998), axis=0) if whole else _middle(found.centres)
         self.size = float(np.linalg.norm(high - low)) / 2
-        """Half the diagonal of the middle, in scene units."""
+        """Half the diagonal of the middle of the capture, in scene units."""
         margin = max(0.04 * float((high - low).max()), 1e-6 * float(np.abs(found.centres).max()), 1e-9)
         across = int(np.clip(np.sqrt(len(found)) / 3, FEWEST_CELLS, MOST_CELLS))
         self.cell = float((high - low + 2 * margin).max()) / across
-        """Side of a cell, in scene units."""
+        """Side length of a cell, in scene units."""
         self.low = low - margin
         self.shape = tuple(int(n) for n in np.maximum(3, np.ceil((high - low + 2 * margin) / self.cell)))
         self._fill(found, share)
         self._clear = self._distances()
 
     def _fill(self, found: Surfels, share: float) -> None:
-        """Spread each Gaussian's area over the cells that it reaches, by points at fixed random places in it."""
+        """Distribute each Gaussian's area over the cells that it reaches, with points at fixed random places in it."""
         areas = found.opacities * np.pi * found.extents[:, 1] * found.extents[:, 2] / share
         pieces = np.ceil(found.extents[:, 1] * found.extents[:, 2] * 6 / self.cell**2).clip(1, MOST_POINTS)
         pieces = pieces.astype(np.int64)
@@ -66,12 +66,12 @@ class Grid:
         owner, index, total = owner[inside], index[inside], int(np.prod(self.shape))
         depth = np.bincount(index, (areas / pieces)[owner], total) / self.cell**2
         self.numbers = np.bincount(index, (1 / pieces)[owner], total)
-        """[C] Gaussians in each cell."""
+        """[C] number of Gaussians in each cell."""
         sizes = np.log(np.sqrt(found.extents[:, 1] * found.extents[:, 2]).clip(1e-9 * self.cell))
         with np.errstate(invalid="ignore"):
             self.log_sizes = np.bincount(index, (sizes / pieces)[owner], total) / self.numbers
             self.lights = np.bincount(index, (found.lights / pieces)[owner], total) / self.numbers
-        """[C] mean logarithm of their sizes, and mean brightness; not a number in empty cells."""
+        """[C] mean logarithm of their sizes, and mean brightness; NaN in empty cells."""
         there = depth > 0
         threshold = min(DEPTH, float(np.quantile(depth[there], 0.75))) if there.any() else DEPTH
         occupied = (depth >= threshold) & there
@@ -84,7 +84,7 @@ class Grid:
         self._around[_sky(towards)] = True
 
     def _distances(self) -> NDArray[np.int64]:
-        """[C] cells to the nearest occupied one, by the longest of the three axes."""
+        """[C] distance to the nearest occupied cell, in cells along the axis on which it is farthest."""
         near = self.occupied.reshape(self.shape)
         clear = np.where(near, 0, FARTHEST)
         for distance in range(1, FARTHEST):
@@ -94,19 +94,19 @@ class Grid:
         return clear.ravel()
 
     def _cells(self, points: Doubles) -> tuple[Cells, Flags]:
-        """Flat index of the cells of points [N, 3], and whether they are in the grid."""
+        """[N] flat cell index of points [N, 3], and whether they are in the grid."""
         place = np.floor((points - self.low) / self.cell)
         inside = np.all((place >= 0) & (place < self.shape), axis=1)
         place = np.where(inside[:, None], place, 0).astype(np.int64)
         return (place[:, 0] * self.shape[1] + place[:, 1]) * self.shape[2] + place[:, 2], inside
 
     def clearance(self, points: Doubles) -> Doubles:
-        """[N] distance to the nearest surface, to a cell, up to FARTHEST cells; 0 outside of the grid."""
+        """[N] distance to the nearest surface in scene units, to within a cell, up to FARTHEST cells; 0 outside."""
         cells, inside = self._cells(points)
         return np.where(inside, self._clear[cells], 0) * self.cell
 
     def lattice(self, columns: int, rows: int) -> Doubles:
-        """[N, 3] places spread evenly over the grid: `columns` along its longest level side, `rows` at a level."""
+        """[N, 3] points spaced evenly over the grid: `columns` along its longest horizontal side, `rows` in height."""
         extent = np.array(self.shape) * self.cell
         level = max(extent[0], extent[2]) / columns
         numbers = (max(3, round(extent[0] / level)), rows, max(3, round(extent[2] / level)))
@@ -116,7 +116,7 @@ class Grid:
     def trace(self, origins: Doubles, directions: Doubles) -> Hits:
         """Follow R rays from origins [R, 3] along unit directions [R, 3] to the first occupied cell.
 
-        Each step is as long as the surroundings are known to be empty (sphere tracing, Hart 1996).
+        Each step is as long as the space around is known to be empty (sphere tracing, Hart 1996).
         """
         number, shape = len(origins), np.array(self.shape)
         start = (origins - self.low) / self.cell  # in cells
@@ -143,7 +143,7 @@ class Grid:
 
 
 def _middle(centres: Doubles) -> tuple[Doubles, Doubles]:
-    """Bounds of the middle of a capture, [3] each, which need not reach its background."""
+    """Lower and upper bounds [3] of the middle of a capture, without its background."""
     lowest, highest = np.quantile(centres, (0.015, 0.985), axis=0)
     inner = np.quantile(centres, (0.1, 0.9), axis=0)
     inner[:, 1] = np.quantile(centres[:, 1], (0.03, 0.97))
@@ -152,7 +152,7 @@ def _middle(centres: Doubles) -> tuple[Doubles, Doubles]:
 
 
 def _sky(directions: Doubles) -> Cells:
-    """[N] cells of a map of all directions."""
+    """[N] index of directions [N, 3] in a map of all directions."""
     lengths = np.linalg.norm(directions, axis=1).clip(1e-12)
     column = ((np.arctan2(directions[:, 0], directions[:, 2]) / (2 * np.pi) + 0.5) * COLUMNS).astype(np.int64)
     row = ((np.arcsin((directions[:, 1] / lengths).clip(-1, 1)) / np.pi + 0.5) * ROWS).astype(np.int64)
@@ -161,7 +161,7 @@ def _sky(directions: Doubles) -> Cells:
 
 
 def _grown(cells: Flags) -> Flags:
-    """With all cells that touch them."""
+    """Grow a set of cells by all cells that touch it."""
     for axis in range(3):
         grown = cells.copy()
         a, b = (np.moveaxis(array, axis, 0) for array in (grown, cells))
@@ -172,7 +172,7 @@ def _grown(cells: Flags) -> Flags:
 
 
 def _neighbours(cells: Flags) -> NDArray[np.int64]:
-    """Occupied cells among each one and the 26 around it."""
+    """Number of occupied cells among each cell and the 26 around it."""
     sums = cells.astype(np.int64)
     for axis in range(3):
         added = sums.copy()

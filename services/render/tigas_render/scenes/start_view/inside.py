@@ -1,4 +1,4 @@
-"""The start view from within a capture: of all places and directions, the one with most to see."""
+"""The start view from inside a capture: the place and direction with the most to see."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ from tigas_render.scenes.start_view.surfels import Doubles
 MOST_PLACES = 100
 AZIMUTHS = 48
 WINDOW = 11
-"""Azimuths in view: 82°."""
+"""Number of azimuths in view, which are 82°."""
 ELEVATIONS = tuple(range(-40, 33, 6))
 PITCH = -4.0
-"""Of the view, in degrees."""
+"""Pitch of the view in degrees."""
 LEVEL = ELEVATIONS.index(2)
 CENTRE = (ELEVATIONS.index(-10), ELEVATIONS.index(2) + 1)
-"""Rows about the middle of the picture."""
+"""Rows around the middle of the image."""
 TOO_NEAR = 0.35
-"""Distance to the middle of the picture, in eye heights, from which on it is not in the way: half a metre."""
+"""Distance in eye heights below which a surface in the middle of the image is in the way: half a metre."""
 BLURRED = 0.025
-"""Angular size of a Gaussian, in radians, from which on it looks blurred."""
+"""Angular size in radians above which a Gaussian looks blurred."""
 MOST_DEVIATION = 48.0
-"""Standard deviation of the brightness, of 255, that is enough."""
+"""Standard deviation of the brightness (0 to 255) above which more contrast does not help."""
 DARK, BRIGHT = 0.04, 0.97
 
 
 def best_view(grid: Grid, places: Places, median: Doubles) -> tuple[Doubles, Doubles]:
-    """Position and focus, [3] each. `median`: of the Gaussians' centres, which the view had better face."""
+    """Position and focus, [3] each. median: of the Gaussians' centres, which the view should preferably face."""
     points, penalties = places.points, places.penalties
-    if len(points) > MOST_PLACES:  # some from all over the capture
+    if len(points) > MOST_PLACES:  # a selection from all over the capture
         chosen = np.linspace(0, len(points) - 1, MOST_PLACES).round().astype(np.int64)
         points, penalties = points[chosen], penalties[chosen]
     hits = trace_all(grid, points, rays(ELEVATIONS, AZIMUTHS).reshape(-1, 3))
@@ -43,13 +43,13 @@ def best_view(grid: Grid, places: Places, median: Doubles) -> tuple[Doubles, Dou
 
 
 def _scores(grid: Grid, points: Doubles, hits: Hits, median: Doubles, eye: float) -> tuple[Doubles, Doubles]:
-    """Score of each place and azimuth [P, A], and the median distance of sight [P] at each place."""
+    """Score of each place and azimuth [P, A], and the median viewing distance [P] at each place."""
     number, shape = len(points), (len(points), len(ELEVATIONS), AZIMUTHS)
     covered = hits.covered.reshape(shape)
     distances = np.where(np.isfinite(hits.distances), hits.distances, 3 * grid.size).reshape(shape)
     sights = median_sight(hits.distances.reshape(number, -1), 3 * grid.size)
     hit = hits.cells >= 0
-    # a cell counts once for a place, however many of its rays hit it
+    # a cell counts once per place, however many of the place's rays hit it
     ids = np.repeat(np.arange(number), shape[1] * shape[2]) * len(grid.numbers) + hits.cells
     _, inverse, times = np.unique(ids, return_inverse=True, return_counts=True)
     seen = np.where(hit, grid.numbers[hits.cells] / times[inverse], 0).reshape(shape)
@@ -58,7 +58,7 @@ def _scores(grid: Grid, points: Doubles, hits: Hits, median: Doubles, eye: float
     views = (np.arange(AZIMUTHS)[:, None] + np.arange(WINDOW) - WINDOW // 2) % AZIMUTHS
 
     def windows(values: Doubles | Flags) -> Doubles:
-        """[P, A, E · W] values in each picture."""
+        """[P, A, E · W] the values in the image for each azimuth."""
         return values[:, :, views].transpose(0, 2, 1, 3).reshape(number, AZIMUTHS, -1).astype(np.float64)
 
     depths = windows(distances)
@@ -83,7 +83,7 @@ def _scores(grid: Grid, points: Doubles, hits: Hits, median: Doubles, eye: float
 
 
 def _light(values: Doubles) -> Doubles:
-    """Score [P, A] for contrast, and against pictures that are black or blown out; NaN where nothing was hit."""
+    """Score [P, A] that favours contrast, and penalises black or blown-out images. values: NaN if nothing was hit."""
     there = np.isfinite(values)
     number = there.sum(2).clip(1)
     filled = np.where(there, values, 0)

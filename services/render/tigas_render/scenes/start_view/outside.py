@@ -1,4 +1,4 @@
-"""The start view of an object: from outside, a little from above, on the side with most to see.
+"""The start view of an object: from outside, slightly above, on the side with the most to see.
 
 All coordinates are right, down and forward.
 """
@@ -14,18 +14,18 @@ from tigas_render.scenes.start_view.surfels import Doubles
 SAMPLE = 10_000
 AZIMUTHS = 16
 TAN_Y, TAN_X = math.tan(math.radians(30)), math.tan(math.radians(40))
-"""Half the vertical field of view, 60°, and half a horizontal one available on any screen but a phone held upright."""
+"""Half the vertical field of view, 60°, and half a horizontal one that all screens have except phones held upright."""
 ELEVATION, FLAT_ELEVATION = math.radians(12), math.radians(32)
 FLAT = 0.3
-"""Half height, in level reaches, below which an object is flat."""
+"""Ratio of height to width below which an object is flat."""
 FITTING, FLAT_FITTING, MARGIN = 0.985, 0.95, 1.1
-"""Share of the Gaussians that fit into the picture, and the space around them."""
+"""Share of the Gaussians that must fit in the image, for tall and for flat objects, and the space around them."""
 FRONT_BIAS = 0.12
-"""Bonus for a view along +z: the front in capturing tools, and azimuth 0 of the protocol."""
+"""Bonus for a view along +z, the front in capture tools and azimuth 0 of the protocol."""
 
 
 def view_from_outside(points: Doubles, radius: float) -> tuple[Doubles, Doubles]:
-    """Position and focus, [3] each, for Gaussians' centres [S, 3] and their usual radius."""
+    """Position and focus, [3] each, for the Gaussians' centres [S, 3] and typical radius."""
     points = points[:: -(-len(points) // SAMPLE)]
     low, high = np.quantile(points, (0.015, 0.985), axis=0)
     centre, half = (low + high) / 2, (high - low) / 2
@@ -38,7 +38,7 @@ def view_from_outside(points: Doubles, radius: float) -> tuple[Doubles, Doubles]
     distances = [max(MARGIN * _fitting(points - centre, back, fitting), size / 4 + reach) for back in backs]
     best, best_score = 0, -1.0
     for k, (turn, back) in enumerate(zip(turns, backs, strict=True)):
-        # all from the same distance, since more is seen from farther away
+        # all from the same distance, because more is visible from farther away
         score = _seen(points, centre + max(distances) * back) * (1 + FRONT_BIAS * math.cos(turn))
         if score > best_score + 1e-9:
             best, best_score = k, score
@@ -46,13 +46,13 @@ def view_from_outside(points: Doubles, radius: float) -> tuple[Doubles, Doubles]
 
 
 def _back(turn: float, elevation: float) -> Doubles:
-    """[3] direction from the object to a camera that looks at an azimuth and stands at an elevation, in radians."""
+    """[3] direction from the object to a camera at an elevation that looks along an azimuth, both in radians."""
     level = math.cos(elevation)
     return np.array([-math.sin(turn) * level, -math.sin(elevation), -math.cos(turn) * level])
 
 
 def _fitting(points: Doubles, back: Doubles, share: float) -> float:
-    """Distance along `back` from which this share of the points [S, 3] about the origin is in the picture."""
+    """Distance along `back` from which this share of the points [S, 3] around the origin is in the image."""
     right = np.array([-back[2], 0.0, back[0]])
     right /= np.linalg.norm(right)
     down = np.cross(right, back)
@@ -61,7 +61,7 @@ def _fitting(points: Doubles, back: Doubles, share: float) -> float:
 
 
 def _seen(points: Doubles, position: Doubles) -> float:
-    """Share of the points not hidden behind others, by a panorama of 96 × 48 directions with a depth buffer."""
+    """Share of the points that are not hidden behind others, from a panoramic depth buffer of 96 × 48 directions."""
     columns, rows = 96, 48
     to = points - position
     distance = np.linalg.norm(to, axis=1).clip(min=1e-12)
@@ -70,5 +70,5 @@ def _seen(points: Doubles, position: Doubles) -> float:
     cell = row * columns + column
     nearest = np.full(rows * columns, math.inf)
     np.minimum.at(nearest, cell, distance)
-    # a cell is wider than most Gaussians, so those slightly behind its nearest one are next to it
+    # a cell is wider than most Gaussians, so points slightly behind its nearest one are next to it, not hidden
     return float(np.mean(distance <= 1.05 * nearest[cell]))

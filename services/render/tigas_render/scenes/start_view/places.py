@@ -1,4 +1,4 @@
-"""Places from which a capture surrounds the viewer, and the height of the eyes there.
+"""Places at which a capture surrounds the viewer, and the eye height there.
 
 All coordinates are right, down and forward.
 """
@@ -14,46 +14,46 @@ from tigas_render.scenes.start_view.grid import Cells, Flags, Grid, Hits
 from tigas_render.scenes.start_view.surfels import Doubles
 
 COLUMNS, ROWS = 16, 12
-"""Places that are tried."""
+"""Resolution of the lattice of places that are tried."""
 AZIMUTHS = 12
 BELOW, ABOVE = (-60, -35, -18, -7), (9, 16, 24)
-"""Elevations of rays, in degrees."""
+"""Elevations of rays in degrees."""
 STEEP = 2
-"""Elevations at which the surroundings are too far away to count as ground."""
+"""Number of elevations, the steepest, at which distant surroundings do not count as ground."""
 GROUND, WALLS, SIGHT = 0.93, 0.5, 0.08
-"""Hits below and just above the horizon, and distance of sight (in sizes of the capture), from which a place counts."""
+"""Minimum shares of hits below and just above the horizon, and minimum viewing distance in sizes of the capture."""
 FEWEST = 4
 SMALLER = 0.35
-"""Least difference of log sizes as seen from outside and inside: captures are sharpest near their cameras."""
+"""Minimum difference between log sizes seen from outside and inside: captures are sharpest near their cameras."""
 OUTSIDE = 18
-"""Views of the whole capture."""
+"""Number of views of the whole capture from outside."""
 ROOM = 3.0
-"""Size, half the diagonal in metres, from which a closed hollow capture is a room."""
+"""Size, half the diagonal in metres, above which a closed hollow capture is a room."""
 CEILED = 0.7
-"""Share of the places with a ceiling, from which the capture is a room."""
+"""Share of places with a ceiling above which the capture is a room."""
 EYE_M, METRIC_M = 1.65, (0.55, 5.0)
-"""Height of the eyes; estimates in this range may be in metres."""
+"""Usual eye height in metres, and the range of estimates that may be in metres."""
 OFF_LEVEL = 0.25
-"""Distance, in eye heights, by which a place's ground may differ from the median ground without harm."""
+"""Tolerated difference between a place's ground and the median ground, in eye heights."""
 
 
 @dataclass(frozen=True, slots=True)
 class Places:
-    """P places inside of a capture, at the height of the eyes."""
+    """P places inside a capture, at eye height."""
 
     points: Doubles
-    """[P, 3]"""
+    """[P, 3] positions."""
     penalties: Doubles
-    """[P] for ground that is not where most of it is."""
+    """[P] penalties for ground that is not at the usual height."""
     eye: float
-    """Height above the ground, in scene units."""
+    """Eye height above the ground, in scene units."""
     ceiled: bool
 
 
 def find_places(grid: Grid, whole: Grid) -> Places | None:
-    """The places at which a visitor may stand; None of an object, which is to be seen from outside.
+    """The places at which a visitor may stand; None for an object, which should be seen from outside.
 
-    grid: of the middle of the capture; whole: with its surroundings.
+    grid: the middle of the capture. whole: the capture with its surroundings.
     """
     points = grid.lattice(COLUMNS, ROWS)
     points = points[grid.clearance(points) >= 2 * grid.cell]
@@ -78,7 +78,7 @@ def find_places(grid: Grid, whole: Grid) -> Places | None:
 
 
 def _on_the_ground(grid: Grid, points: Doubles, ground: Doubles, eye: float, ceiled: bool) -> Places | None:
-    """The places moved over their ground; None if nothing is left."""
+    """The places, moved to eye height above their ground; None if no place is left."""
     points, ground = points[np.isfinite(ground)], ground[np.isfinite(ground)]
     if not len(points):
         return None
@@ -99,7 +99,7 @@ def _on_the_ground(grid: Grid, points: Doubles, ground: Doubles, eye: float, cei
 
 
 def rays(elevations: tuple[float, ...], azimuths: int) -> Doubles:
-    """[E, A, 3] unit directions at elevations in degrees and at even azimuths, from forward to the right."""
+    """[E, A, 3] unit directions at elevations in degrees and equally spaced azimuths, from forward to the right."""
     up = np.radians(elevations)[:, None]
     turn = 2 * np.pi * np.arange(azimuths) / azimuths
     directions = np.broadcast_arrays(np.cos(up) * np.sin(turn), -np.sin(up), np.cos(up) * np.cos(turn))
@@ -107,13 +107,13 @@ def rays(elevations: tuple[float, ...], azimuths: int) -> Doubles:
 
 
 def trace_all(grid: Grid, points: Doubles, directions: Doubles) -> Hits:
-    """Hits of all directions [D, 3] from each of the points [P, 3], a point after the other."""
+    """Hits of all directions [D, 3] from each of the points [P, 3], point by point."""
     origins = np.repeat(points, len(directions), 0)
     return grid.trace(origins, np.tile(directions, (len(points), 1)))
 
 
 def median_sight(distances: Doubles, otherwise: float) -> Doubles:
-    """[P] median of the distances [P, D] at which there is a surface in the grid; `otherwise` if there is none."""
+    """[P] median of the finite distances in [P, D]; `otherwise` if all are infinite."""
     seen = np.isfinite(distances)
     ordered = np.sort(distances, axis=1)
     middle = ordered[np.arange(len(distances)), (seen.sum(1) - 1).clip(0) // 2]
@@ -121,7 +121,7 @@ def median_sight(distances: Doubles, otherwise: float) -> Doubles:
 
 
 def _enclosed(grid: Grid, points: Doubles) -> tuple[Flags, Doubles, Hits]:
-    """Whether the capture surrounds each point, [P], and the median distance of sight there, [P]."""
+    """[P] whether the capture surrounds each point, [P] the median viewing distance there, and the hits."""
     directions = rays((*BELOW, *ABOVE), AZIMUTHS).reshape(-1, 3)
     hits = trace_all(grid, points, directions)
     covered = hits.covered.reshape(len(points), -1)
@@ -133,7 +133,7 @@ def _enclosed(grid: Grid, points: Doubles) -> tuple[Flags, Doubles, Hits]:
 
 
 def _straight(grid: Grid, points: Doubles, down: float) -> Doubles:
-    """[P] distance to the surface straight below (1) or above (-1)."""
+    """[P] distance to the surface directly below (down = 1) or above (down = -1)."""
     direction = np.array([[1e-4, down, 1e-4]])
     return trace_all(grid, points, direction / np.linalg.norm(direction)).distances
 
@@ -141,7 +141,7 @@ def _straight(grid: Grid, points: Doubles, down: float) -> Doubles:
 def _sharper_inside(grid: Grid, cells: Cells, whole: Grid) -> bool:
     """Whether the Gaussians seen from inside, in cells [P, D], are clearly smaller than those seen from outside."""
     k = np.arange(OUTSIDE)
-    height = -0.15 - 0.8 * (k + 0.5) / OUTSIDE  # from above the horizon, since no capture is seen from below
+    height = -0.15 - 0.8 * (k + 0.5) / OUTSIDE  # from above the horizon, since captures are not viewed from below
     turn = k * math.pi * (3 - math.sqrt(5))
     across = np.sqrt(1 - height**2)
     back = np.stack((across * np.sin(turn), height, across * np.cos(turn)), 1)

@@ -1,4 +1,4 @@
-"""Statistics of a scene, collected while its Gaussians pass on their way to the rasteriser."""
+"""Statistics of a scene, collected while its Gaussians are read for the rasteriser."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from tigas_render.scenes.source import SceneMetadata
 from tigas_render.scenes.start_view.view import StartView, view_of
 
 SAMPLE = 100_000
-"""Gaussians that are kept, about: 6 MB."""
+"""Approximate number of Gaussians in the sample, which take 6 MB."""
 
 
 class SceneStatistics:
     """Number, bounds and a sample of a scene's Gaussians."""
 
     def __init__(self, sample: int = SAMPLE) -> None:
-        """sample: about how many are kept for the start view."""
+        """sample: approximate number of Gaussians kept for the start view."""
         self._most = sample
         self.count = 0
         """Number of Gaussians that can be drawn."""
@@ -30,14 +30,14 @@ class SceneStatistics:
 
     @classmethod
     def of(cls, gaussians: Gaussians) -> SceneStatistics:
-        """Statistics of all Gaussians of a scene: those that `collect` has in the end."""
+        """The statistics of a complete scene."""
         statistics = cls()
         for _ in statistics.collect(gaussians.batches()).parts:
             pass
         return statistics
 
     def collect(self, scene: Batches) -> Batches:
-        """The same batches; reading them collects the statistics, which are complete in the end."""
+        """Wrap batches so that reading them collects the statistics, which are complete after the last batch."""
         return Batches(scene.most, self._collected(scene))
 
     def _collected(self, scene: Batches) -> Iterator[Gaussians]:
@@ -52,7 +52,7 @@ class SceneStatistics:
 
     @property
     def sample(self) -> Gaussians:
-        """Some Gaussians, spread evenly over the file, of SH degree 0."""
+        """A sample of Gaussians, spaced evenly over the file, with SH degree 0."""
         columns = zip(*(some.arrays for some in self._some), strict=True)
         return Gaussians(*(np.concatenate(parts) for parts in columns))
 

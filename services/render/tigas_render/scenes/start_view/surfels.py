@@ -1,4 +1,4 @@
-"""Gaussians as small discs with a normal, in double precision, as the start view needs them."""
+"""Gaussians as small discs with normals, in double precision, for the start view."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from tigas_render.gaussians import Gaussians
 Doubles = NDArray[np.float64]
 
 FARTHEST = 1e8
-"""Coordinates are clipped here: the protocol's end at 1e9, and the camera stands outside."""
+"""Coordinates are clipped to this value, since the protocol's limit is 1e9 and the camera may be outside the scene."""
 SH_C0 = 0.28209479177387814
 """The constant spherical harmonic."""
 SOLID = 0.3
-"""Opacity from which on a Gaussian counts."""
+"""Minimum opacity of a solid Gaussian."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,26 +26,26 @@ class Surfels:
     centres: Doubles
     """[S, 3]"""
     normals: Doubles
-    """[S, 3] axes of least extent, of length one and either sign."""
+    """[S, 3] unit axes of smallest extent, with either sign."""
     extents: Doubles
     """[S, 3] standard deviations, ascending."""
     axes: Doubles
-    """[S, 3, 3] columns: the axes of the extents."""
+    """[S, 3, 3] axes of the extents, in columns."""
     opacities: Doubles
     """[S]"""
     lights: Doubles
-    """[S] brightness, 0 to 1, without the part that depends on the direction of view."""
+    """[S] brightness, 0 to 1, without its view-dependent part."""
 
     def __len__(self) -> int:
         return len(self.centres)
 
     def every(self, most: int) -> Surfels:
-        """At most this many, spread evenly."""
+        """At most this many surfels, evenly spaced."""
         step = -(-len(self) // most)
         return Surfels(*(array[::step] for array in self._arrays)) if step > 1 else self
 
     def turned(self, frame: Doubles) -> Surfels:
-        """The same in a frame whose axes are the rows of a rotation [3, 3]."""
+        """The surfels in another frame, with the rows of a rotation matrix [3, 3] as its axes."""
         centres, normals, axes = self.centres @ frame.T, self.normals @ frame.T, frame @ self.axes
         return Surfels(centres, normals, self.extents, axes, self.opacities, self.lights)
 
@@ -55,7 +55,7 @@ class Surfels:
 
 
 def surfels(gaussians: Gaussians) -> Surfels:
-    """The solid Gaussians of a sample; of a scene without any, the most opaque ones."""
+    """The solid Gaussians of a sample, or the most opaque ones if no Gaussian is solid."""
     solid = gaussians.opacities >= min(SOLID, float(gaussians.opacities.max()))
     scales = gaussians.scales[solid].astype(np.float64).clip(0, FARTHEST)
     order = np.argsort(scales, axis=1, kind="stable")
@@ -71,7 +71,7 @@ def surfels(gaussians: Gaussians) -> Surfels:
 
 
 def _rotations(quaternions: Doubles) -> Doubles:
-    """[S, 3, 3] rotations of quaternions w, x, y, z, of any length."""
+    """[S, 3, 3] rotation matrices of quaternions w, x, y, z of any length."""
     lengths = np.linalg.norm(quaternions, axis=1, keepdims=True)
     unit = np.where(lengths > 0, quaternions, (1.0, 0.0, 0.0, 0.0)) / np.where(lengths > 0, lengths, 1)
     w, x, y, z = unit.T

@@ -1,8 +1,8 @@
 """The up axis of a scene, from the normals and the layers of its Gaussians.
 
-Floors, tables and ceilings have vertical normals, and most of what stands on the ground is in one thin layer. Both are
-measured for a number of axes. They leave the sign open, and objects that stand free show neither, so the file's own
-axes count as well: captures have y down more often than z up, and z up more often than y up.
+Floors, tables and ceilings have vertical normals, and most objects stand in one thin layer above the ground. Both are
+measured along many axes. They do not determine the sign, and free-standing objects show neither, so the file's own axes
+count as well: captures more often have y down than z up, and z up than y up.
 """
 
 from __future__ import annotations
@@ -15,23 +15,23 @@ import numpy as np
 from tigas_render.scenes.start_view.surfels import Doubles, Surfels
 
 SAMPLE, SLAB_SAMPLE = 12_000, 6_000
-"""Gaussians whose normals, and whose layers, are looked at."""
+"""Number of Gaussians in the samples for normals and for layers."""
 DIRECTIONS = 1_000
 PEAKS, PEAK_DISTANCE = 9, math.cos(math.radians(13))
 CAP = math.cos(math.radians(8))
-"""Normals within 8° of an axis belong to it."""
+"""Cosine of 8°, the largest angle between an axis and its normals."""
 REFINEMENTS = tuple(math.cos(math.radians(angle)) for angle in (14, 10, 7, 7))
 CLIMBS = tuple(math.radians(angle) for angle in (4, 2, 1, 0.5))
 SLAB = 0.08
-"""Thickness of a layer, in median distances from the median."""
+"""Thickness of a layer, as a multiple of the median distance from the median."""
 DOWN_Y, UP_Z = np.array([0.0, -1.0, 0.0]), np.array([0.0, 0.0, 1.0])
 TILTED_SLAB, LYING_SLAB = 0.15, 0.3
-"""Share of an object's densest layer that shows that it is tilted in its file, or that its file has z up."""
+"""Shares in the densest layer above which an object is tilted in its file, or its file has z up."""
 FILE_AXES = ((DOWN_Y, 3.0), (UP_Z, 1.65), (-DOWN_Y, 1.2))
-"""Axes that are often up, and their weights."""
+"""Common up axes of files, and their weights."""
 NEAR, NOT_FAR = math.cos(math.radians(28)), math.cos(math.radians(40))
 SNAP = math.cos(math.radians(3.5))
-"""An axis this near to the file's is the file's."""
+"""Cosine of the angle within which an axis snaps to one of the file's axes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,13 +39,13 @@ class UpAxis:
     """An up axis, and the evidence for it."""
 
     up: Doubles
-    """[3], of length one."""
+    """[3] unit vector."""
     slab: float
-    """Share of the Gaussians, by area or by number, in the densest layer across it."""
+    """Share of the Gaussians, by area or by number, in the densest layer perpendicular to it."""
 
 
 def likely_axes(found: Surfels) -> list[UpAxis]:
-    """Axes that may point up, the most likely first. The same Gaussians give the same axes."""
+    """Possible up axes, the most likely first. The result is deterministic."""
     evidence = _Evidence(found.every(SAMPLE))
     scored: list[tuple[float, UpAxis]] = []
     for axis in _distinct([*evidence.climbed(), *np.eye(3)]):
@@ -56,9 +56,8 @@ def likely_axes(found: Surfels) -> list[UpAxis]:
 
 
 def axis_of_object(likely: list[UpAxis]) -> Doubles:
-    """Up axis of an object without surroundings, from `likely_axes`: the file's, or one near it with a layer as proof.
-
-    The flat sides of an object need not be level.
+    """The up axis of an object without surroundings: a likely axis near one of the file's, if a dense layer supports
+    it, or the file's usual one. The flat sides of an object need not be level.
     """
     for axis in likely:
         if axis.up @ DOWN_Y > NEAR and axis.slab > TILTED_SLAB:
@@ -89,7 +88,7 @@ class _Evidence:
         self._areas = self._areas / total if total > 0 else np.full(len(layered), 1 / len(layered))
 
     def density(self, axes: Doubles) -> Doubles:
-        """[A] normals within the cap of each axis [A, 3], relative to normals in all directions."""
+        """[A] density of normals around each axis [A, 3], relative to evenly distributed normals."""
         found = np.empty(len(axes))
         for start in range(0, len(axes), 100):
             near = np.abs(axes[start : start + 100].astype(np.float32) @ self._normals.T) > CAP
@@ -97,7 +96,7 @@ class _Evidence:
         return found / (1 - CAP)
 
     def peaks(self) -> list[Doubles]:
-        """Axes along which there are most normals."""
+        """The axes with the most normals, refined."""
         directions = _hemisphere(DIRECTIONS)
         density = self.density(directions)
         peaks: list[Doubles] = []
@@ -120,7 +119,7 @@ class _Evidence:
         return axis
 
     def climbed(self) -> list[Doubles]:
-        """The peaks, and the axis with the densest layer; the best of them moved to where the evidence is greatest."""
+        """The peaks, and local maxima of the evidence near the best peaks and the axis of the densest layer."""
         directions = _hemisphere(DIRECTIONS // 2)
         layered = directions[int(np.argmax(self.slabs(directions)))]
         peaks = self.peaks()
@@ -139,7 +138,7 @@ class _Evidence:
         return axis
 
     def slabs(self, axes: Doubles) -> Doubles:
-        """[A] share of the densest layer across each axis, by number or by area."""
+        """[A] share of the Gaussians in the densest layer perpendicular to each axis, by number or by area."""
         shares = np.empty(len(axes))
         thickness = SLAB * self._radius / 2  # a layer is two bins
         bins = 128
@@ -156,16 +155,16 @@ class _Evidence:
         return shares
 
     def uprights(self, axes: Doubles) -> Doubles:
-        """[A] evidence for each axis, of either sign."""
+        """[A] evidence that each axis is vertical, regardless of sign."""
         evidence: Doubles = np.log(self.density(axes) + 0.3) + 1.5 * np.log(self.slabs(axes) + 0.02)
         return evidence
 
     def upright(self, axis: Doubles) -> tuple[float, float]:
-        """Evidence for an axis of either sign, and the share of its densest layer."""
+        """The evidence that an axis is vertical, regardless of sign, and the share of its densest layer."""
         return float(self.uprights(axis[None])[0]), float(self.slabs(axis[None])[0])
 
     def sign(self, up: Doubles) -> float:
-        """Evidence for this end of an axis: most Gaussians are near the ground, and outliers are in the sky."""
+        """The evidence for the sign of an axis: most Gaussians are near the ground, and outliers are in the sky."""
         heights = self._points @ up
         lowest, low, middle, high, highest = np.quantile(heights, (0.001, 0.03, 0.5, 0.97, 0.999))
         reach = float(high - low)
@@ -177,7 +176,7 @@ class _Evidence:
 
 
 def _prior(up: Doubles) -> float:
-    """Evidence of the file's axes for a direction; hardly more for an exact one, since that would hide a tilt."""
+    """The evidence for a direction from files' usual axes. An exact match adds little, as that would hide a tilt."""
     best = 0.0
     for axis, weight in FILE_AXES:
         cosine = float(up @ axis)
@@ -194,7 +193,7 @@ def _snapped(up: Doubles) -> Doubles:
 
 
 def _hemisphere(number: int) -> Doubles:
-    """[N, 3] directions spread evenly over half a sphere, on a Fibonacci lattice."""
+    """[N, 3] directions distributed evenly over a hemisphere, on a Fibonacci lattice."""
     height = 1 - (np.arange(number) + 0.5) / number
     turn = np.arange(number) * math.pi * (3 - math.sqrt(5))
     across = np.sqrt(1 - height**2)

@@ -1,4 +1,4 @@
-"""The start view of a scene without one in scene.json, derived once and kept."""
+"""Start views: from scene.json, or derived from the Gaussians once and cached."""
 
 from __future__ import annotations
 
@@ -23,58 +23,58 @@ from tigas_render.scenes.start_view.surfels import Doubles, Surfels, surfels
 from tigas_render.scenes.start_view.up_axis import axis_of_object, likely_axes
 
 VERSION = 1
-"""Counts up when scenes get other start views, so that kept ones are not taken for them."""
+"""Version of the derivation; increment it when start views change, so that old cached ones are not used."""
 MAX_BYTES = 10_000
-"""Of a kept view's file."""
+"""Maximum size of a cached view's file."""
 
 
 class StartView(WireModel):
-    """Start camera, and the axis that is up in it."""
+    """A start camera and its up axis."""
 
     up: Point
     camera: StartCamera
 
 
 class KeptViews:
-    """Start views in `directory`, which is made when it is needed; a scene's folder is never written to."""
+    """A cache of start views in `directory`, which is created when needed. Scenes' folders are never written to."""
 
     def __init__(self, directory: Path) -> None:
         self._directory = directory
 
     def read(self, source: SceneSource) -> StartView | None:
-        """The view of a scene; None if none is kept."""
+        """A scene's cached view, if any."""
         try:
             return parse(StartView, read_regular(self._path(source), MAX_BYTES))
         except (OSError, InvalidRequest):
             return None
 
     def write(self, source: SceneSource, view: StartView) -> None:
-        """Keep the view of a scene, if that is possible."""
+        """Cache a scene's view, if possible."""
         write_to_cache(self._path(source), view.model_dump_json().encode())
 
     def _path(self, source: SceneSource) -> Path:
-        """The file's name depends on everything that the view depends on."""
+        """The cache file, whose name depends on everything that the view depends on."""
         key = f"{VERSION}|{source.version}|{source.metadata.up}"
         return self._directory / f"start-view-{hashlib.sha256(key.encode()).hexdigest()[:32]}.json"
 
 
 def given_view(metadata: SceneMetadata) -> StartView | None:
-    """The start view in a scene.json; None if the camera is left out. A camera without an up axis has y down."""
+    """The start view in a scene.json; None without a camera. A camera without an up axis has y down."""
     if metadata.camera is None:
         return None
     return StartView(up=metadata.up or DEFAULT_UP, camera=metadata.camera)
 
 
 def view_of(metadata: SceneMetadata, sample: Gaussians, share: float) -> StartView:
-    """The start view in a scene.json; without one, derived from a sample that is this share of the Gaussians."""
+    """The start view in a scene.json, or one derived from a sample with this share of the Gaussians."""
     return given_view(metadata) or derive_view(sample, metadata.up, share)
 
 
 def derive_view(sample: Gaussians, up: Point | None = None, share: float = 1.0) -> StartView:
-    """The start view for a sample that is this share of a scene's Gaussians. The same sample gives the same view.
+    """Derive the start view from a sample with this share of a scene's Gaussians. The result is deterministic.
 
-    up: known up axis, of any length; None derives it as well. Captures that surround the viewer are seen from a place
-    inside at the height of the eyes, others from outside.
+    up: the up axis, of any length, if it is known; otherwise derived as well. Captures that surround the viewer are
+    seen from inside at eye height, others from outside.
     """
     found = surfels(sample)
     likely = [] if up is not None else likely_axes(found)
@@ -101,7 +101,7 @@ def _outside(found: Surfels, frame: Doubles) -> tuple[Doubles, Doubles]:
 
 
 def level_frame(up: Doubles) -> Doubles:
-    """[3, 3] rows: right, down and forward, with forward as near to +z as a level direction can be."""
+    """[3, 3] rows right, down and forward, where forward is the horizontal direction closest to +z."""
     down = -up / np.linalg.norm(up)
     ahead = np.array([0.0, 0.0, 1.0] if abs(down[2]) < 0.9 else [0.0, 1.0, 0.0])
     forward = ahead - down * (ahead @ down)
