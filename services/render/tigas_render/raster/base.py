@@ -20,21 +20,21 @@ from tigas_render.gaussians import Batches, Gaussians
 NEAR_PLANE = 0.01
 """Minimum depth of a Gaussian's centre, in scene units; nearer ones are not drawn."""
 DILATION = 0.3
-"""Added to the diagonal of each projected covariance while scenes are trained, in pixels² (3DGS)."""
+"""Added to the diagonal of each projected covariance during training, in pixels² (3DGS)."""
 ALPHA_MIN = 1 / 255
-"""A Gaussian contributes to a pixel only where its alpha is at least this."""
+"""Minimum alpha with which a Gaussian contributes to a pixel."""
 ALPHA_MAX = 0.999
-"""A single Gaussian's alpha is clamped to this."""
+"""Maximum alpha of a single Gaussian, to which it is clamped."""
 TRANSMITTANCE_MIN = 1e-4
-"""A pixel is finished when less light than this passes."""
+"""Transmittance below which a pixel is finished."""
 CLAMP_MARGIN = 0.3
-"""How far outside the viewport the projection's derivative is clamped, in half-widths of it (gsplat 1.5.3)."""
+"""Distance outside the viewport at which the projection's derivative is clamped, in half-widths (gsplat 1.5.3)."""
 DEPTH_PIXELS = 184 * 104
-"""Of a map of depth, in any shape. A finer one made warped frames no better."""
+"""Maximum number of pixels of a depth map, in any shape. A finer map did not improve warped frames."""
 DEPTH_FINEST = 0.5
-"""A map has at most so many pixels for one of the picture's, on each side."""
+"""Maximum resolution of a depth map relative to the image, on each side."""
 OPACITY_MIN = 0.1
-"""Where the Gaussians cover less than this, there is nothing to have a depth."""
+"""Minimum opacity of a pixel for it to have a depth."""
 BASIS_CONSTANTS = (
     0.28209479177387814,
     *(-0.4886025119029199, 0.4886025119029199, -0.4886025119029199),
@@ -42,25 +42,25 @@ BASIS_CONSTANTS = (
     *(-0.5900435899266435, 2.890611442640554, -0.4570457994644658, 0.3731763325901154),
     *(-0.4570457994644658, 1.445305721320277, -0.5900435899266435),
 )
-"""The constant factors of the spherical harmonics, signs included (Kerbl et al., 3DGS, 2023); packed coefficients are
-multiplied by them."""
+"""The constant factors of the spherical harmonics, including signs (Kerbl et al., 3DGS, 2023). Packed coefficients are
+already multiplied by them."""
 
 
 @dataclass(frozen=True, slots=True)
 class Camera:
-    """One view: camera pose, lens and background."""
+    """A view: camera pose, lens and background."""
 
     pose: Pose
     intrinsics: Intrinsics
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """RGB, 0 to 1."""
     display_scale: float = 1.0
-    """Linear scale at which the picture is displayed; at least 1. See `footprint`."""
+    """Linear scale at which the image is displayed, at least 1. See `footprint`."""
     margins: tuple[int, int] = (0, 0)
-    """Columns at the left and right, rows at the top and bottom, beyond the viewport. They are included in
-    `intrinsics` and leave the rest of the picture unchanged."""
+    """Columns on each side, and rows above and below, beyond the viewport. They are included in `intrinsics`, and do
+    not change the rest of the image."""
     full_detail: bool = False
-    """Whether all of a large scene is drawn, rather than the level of detail that the pixels can show."""
+    """Whether to draw a large scene in full, instead of at the level of detail that the pixels can show."""
 
     @property
     def viewport(self) -> Intrinsics:
@@ -70,8 +70,8 @@ class Camera:
 
 Pause = Callable[[], None]
 Depth = NDArray[np.float32]
-"""Inverse depth of z, not of the ray, [h, w] in 1/scene units, over the whole picture, at the resolution of
-`depth_size`; 0 is infinitely far.
+"""Inverse depth of the whole image, [h, w] in 1/scene units, at the resolution of `depth_size`; 0 is infinitely far.
+Depth is measured along z, not along the ray.
 """
 
 
@@ -81,18 +81,18 @@ class PreparedScene(ABC):
     @property
     @abstractmethod
     def nbytes(self) -> int:
-        """Bytes that it holds on its device."""
+        """Memory of the scene on its device, in bytes."""
 
 
 class Image(ABC):
-    """A rendered image in the host's memory; a context manager that returns its memory."""
+    """A rendered image in the host's memory; a context manager that releases it."""
 
     width: int
     height: int
     depth: Depth | None = None
-    """The view's depth, if requested and not encoded by the device."""
+    """The view's depth, if it was requested and not encoded by the device."""
     coded_depth: CodedDepth | None = None
-    """The view's depth, if requested and encoded by the device."""
+    """The view's depth, if it was requested and encoded by the device."""
     rendering: float = 0.0
     """Seconds spent on rendering."""
     encoding: float = 0.0
@@ -100,14 +100,14 @@ class Image(ABC):
 
     @abstractmethod
     def encode(self, format: FrameFormat, quality: int) -> bytes:
-        """The image in a file format: `jpeg` (at `quality` 1 to 100), `png`, or planar `yuv420p`."""
+        """Encode the image as `jpeg` (at `quality` 1 to 100), `png`, or planar `yuv420p`."""
 
     @abstractmethod
     def to_host(self) -> NDArray[np.uint8]:
         """The pixels, RGB [H, W, 3]; the caller may modify them until the image is closed."""
 
     def close(self) -> None:  # noqa: B027 - not every image holds any
-        """Return the image's memory to its rasteriser; closing twice does nothing."""
+        """Return the image's memory to its rasteriser. Closing again does nothing."""
 
     def __enter__(self) -> Self:
         return self
@@ -117,16 +117,16 @@ class Image(ABC):
 
 
 class Rasterizer(ABC):
-    """Renders prepared scenes. Called from one thread at a time unless an implementation documents otherwise."""
+    """Renders prepared scenes. Call it from one thread at a time unless an implementation documents otherwise."""
 
     device: str
-    """The device's name: `cpu`, `cuda:0`."""
+    """The device's name, such as `cpu` or `cuda:0`."""
     frames_in_flight: int = 2
-    """Number of concurrent frames that keeps the device busy, whether encoding overlaps rendering or streams overlap
-    one another."""
+    """Number of concurrent frames that keeps the device busy, either because encoding overlaps rendering or because
+    streams overlap one another."""
 
     makes_webp: bool = False
-    """Whether frames are also offered as WebP, which is always encoded on the host."""
+    """Whether to offer frames as WebP, which is always encoded on the host."""
 
     @property
     def hardware(self) -> str:
@@ -135,13 +135,13 @@ class Rasterizer(ABC):
 
     @abstractmethod
     def pack(self, scene: Batches) -> PreparedScene:
-        """Pack a scene for rendering while it is read. Safe to call from any thread; no frame waits for it.
+        """Pack a scene for rendering while it is read. Safe to call from any thread, and does not block frames.
 
         Raises the errors of reading.
         """
 
     def prepare(self, gaussians: Gaussians) -> PreparedScene:
-        """Pack a scene that is in memory, as `pack`; the arrays are not needed afterwards."""
+        """Pack a scene that is already in memory. The arrays are not needed afterwards."""
         return self.pack(gaussians.batches())
 
     @abstractmethod
@@ -156,25 +156,25 @@ class Rasterizer(ABC):
     ) -> Image:
         """Render one view at the resolution of the intrinsics.
 
-        format: the format in which the image will be encoded; a device may encode it at once.
-        pause: may be called every few milliseconds during rendering; it may call `render` once more, without a pause.
-        depth: whether to add the view's depth; the pixels stay the same.
+        format: the format in which the image will be encoded; a device may encode it immediately.
+        pause: may be called every few milliseconds while rendering; it may itself call `render`, without a pause.
+        depth: whether to add the view's depth, which does not change the pixels.
         """
 
     def warm_up(self) -> None:  # noqa: B027 - a rasteriser without a compiler has nothing to do
-        """Do in advance everything that would delay the first frame, such as compiling."""
+        """Do everything in advance that would delay the first frame, such as compiling."""
 
 
 def footprint(display_scale: float, antialiased: bool = False) -> tuple[float, float]:
-    """Growth of a Gaussian on screen: dilation, and variance of the low-pass filter, both in the picture's pixels².
+    """Growth of a Gaussian on screen: dilation, and variance of the low-pass filter, both in the image's pixels².
 
-    The projected covariance Σ becomes Σ' = Σ + dilation · I, which makes it as large on the display as in training, and
-    then Σ" = Σ' + low_pass · I, with the opacity times √(det Σ' / det Σ"), so that its coverage is unchanged: the 2D
-    filter of Mip-Splatting (Yu et al., CVPR 2024). A box one pixel wide has a variance of 1/12. With s = display_scale,
-    a pixel of the picture is 1/12 - 1/(12 s²) wider than one of the display, with which scenes are trained; half of
-    that is left to the scaling up (docs/architecture.md). At s = 1 nothing is left: 3DGS's picture.
+    The projected covariance Σ becomes Σ' = Σ + dilation · I, as large on the display as in training, and then
+    Σ" = Σ' + low_pass · I, with the opacity times √(det Σ' / det Σ"), which preserves its coverage: the 2D filter of
+    Mip-Splatting (Yu et al., CVPR 2024). A box one pixel wide has a variance of 1/12. With s = display_scale, the
+    variance of a pixel of the image exceeds that of a display pixel, as used in training, by 1/12 - 1/(12 s²); half of
+    it is left to the upscaling (docs/architecture.md). At s = 1 there is no filter, and the image is 3DGS's.
 
-    For a scene trained with that filter (`antialiased`), the dilation is one as well: it costs opacity.
+    In a scene trained with that filter (`antialiased`), the dilation is part of the filter, and reduces opacity too.
     """
     shrunk = 1 / display_scale**2
     if antialiased:
@@ -183,9 +183,10 @@ def footprint(display_scale: float, antialiased: bool = False) -> tuple[float, f
 
 
 def derivative_limits(k: Intrinsics) -> tuple[float, float, float, float]:
-    """Limits of x/z and y/z where the projection's derivative is taken: left, right, top, bottom.
+    """Limits of x/z and y/z at which the projection's derivative is taken: left, right, top, bottom.
 
-    k: the viewport's. Margins do not widen the limits: Gaussians would reach into the viewport in other shapes.
+    k: the viewport's intrinsics. Margins do not widen the limits, because that would change the shapes of Gaussians
+    that reach into the viewport.
     """
     margin_x, margin_y = CLAMP_MARGIN * 0.5 * k.width / k.fx, CLAMP_MARGIN * 0.5 * k.height / k.fy
     return (
@@ -197,18 +198,18 @@ def derivative_limits(k: Intrinsics) -> tuple[float, float, float, float]:
 
 
 def depth_size(width: int, height: int) -> tuple[int, int]:
-    """Columns and rows of the map of depth for a picture of a size in pixels."""
+    """Columns and rows of the depth map for an image of this size in pixels."""
     scale = min(DEPTH_FINEST, math.sqrt(DEPTH_PIXELS / (width * height)))
     return max(1, round(width * scale)), max(1, round(height * scale))
 
 
 def coarse(camera: Camera) -> Camera:
-    """The same view in the pixels of its map of depth, drawn for the same size on screen as the camera's."""
+    """The same view at the resolution of its depth map, to be displayed at the same size on screen."""
     intrinsics, scale, margins = _coarse(camera.intrinsics, camera.margins)
     return Camera(camera.pose, intrinsics, (0.0, 0.0, 0.0), camera.display_scale * scale, margins, camera.full_detail)
 
 
-@lru_cache(maxsize=1024)  # a viewer has one lens, or a few, for thousands of frames
+@lru_cache(maxsize=1024)  # a viewer uses the same lens, or a few, for thousands of frames
 def _coarse(k: Intrinsics, margins: tuple[int, int]) -> tuple[Intrinsics, float, tuple[int, int]]:
     columns, rows = depth_size(k.width, k.height)
     scale = math.sqrt(k.width * k.height / (columns * rows))
@@ -218,17 +219,17 @@ def _coarse(k: Intrinsics, margins: tuple[int, int]) -> tuple[Intrinsics, float,
 def inverse_depth(means: NDArray[np.float32]) -> Depth:
     """Expected inverse depth, float32 [h, w] in 1/scene units; 0, infinitely far, for empty pixels.
 
-    means [h, w, 2]: of weight / z and of weight, the share of light that a Gaussian sends to the picture (its alpha
-    times the transmittance before it). An inverse depth, unlike a depth, may be averaged: it is linear in the
-    picture. The median is no better than the expectation: views of the courtyard warped by 5 and 20 cm had 37.2 and
-    26.2 dB with the expectation, 35.9 and 25.3 dB with the median.
+    means [h, w, 2]: of weight / z and of weight, the share of light that a Gaussian contributes to the image (its alpha
+    times the transmittance before it). Inverse depth, unlike depth, may be averaged, because it is linear in the image.
+    The median is no better than the expectation: views of the courtyard warped by 5 and 20 cm had 37.2 and 26.2 dB with
+    the expectation, 35.9 and 25.3 dB with the median.
     """
     inverse, opacity = means[..., 0], means[..., 1]
     return np.divide(inverse, opacity, out=np.zeros_like(inverse), where=opacity >= OPACITY_MIN)
 
 
 def one_gaussian() -> Gaussians:
-    """The smallest scene, to warm up with."""
+    """A scene of one Gaussian, for warming up."""
     return Gaussians(
         means=np.array([[0, 0, 1]], np.float32),
         scales=np.full((1, 3), 0.1, np.float32),

@@ -16,14 +16,14 @@ from tigas_render.raster.instant import NAME, InstantRasterizer
 logger = logging.getLogger(__name__)
 
 GPU_PACKAGES = ("torch", "cuda.core", "cuda.pathfinder")
-"""Packages of the extra `gpu`."""
+"""Packages in the extra `gpu`."""
 
 
 def create_rasterizer(device: str, cache: Path | None = None) -> Rasterizer:
-    """The rasteriser for `cpu`, `cuda`, `cuda:N` or `auto`, which takes a GPU if there is one that can be used.
+    """Create the rasteriser for `cpu`, `cuda`, `cuda:N` or `auto`, which uses a GPU if possible.
 
-    On a machine with NVIDIA's driver `auto` logs why it takes the CPU.
-    cache: a directory for compiled kernels; the user's own by default.
+    On a machine with NVIDIA's driver, `auto` logs why it falls back to the CPU.
+    cache: a directory for compiled kernels, by default the user's cache.
     Raises ValueError, with one sentence, if the machine has no such device.
     """
     if device.startswith(NAME):
@@ -41,7 +41,7 @@ def create_rasterizer(device: str, cache: Path | None = None) -> Rasterizer:
                 missing = str(error)
         elif device != "auto":
             raise ValueError(f"{missing} Start the service with --device cpu, or correct this.")
-        if shutil.which("nvidia-smi"):  # comes with NVIDIA's driver
+        if shutil.which("nvidia-smi"):  # installed with NVIDIA's driver
             logger.warning("Rendering on the CPU. %s", missing)
     from tigas_render.raster.cpu import CpuRasterizer
 
@@ -49,7 +49,7 @@ def create_rasterizer(device: str, cache: Path | None = None) -> Rasterizer:
 
 
 def why_no_cuda() -> str | None:
-    """One sentence on why this machine cannot render on a GPU; None if it can."""
+    """Why this machine cannot render on a GPU, in one sentence; None if it can."""
     try:
         complete = all(find_spec(package) for package in GPU_PACKAGES)
     except ModuleNotFoundError:

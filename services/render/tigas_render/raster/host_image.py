@@ -1,4 +1,4 @@
-"""An image in the host's memory, and the small pool of framebuffers that images come from."""
+"""Images in the host's memory, and the pool of framebuffers that they use."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from tigas_render.raster.base import Depth, Image
 
 Pixels = NDArray[np.uint8]
 KEPT = 4
-"""Free framebuffers that are kept."""
+"""Maximum number of free framebuffers to keep."""
 
 
 class HostImage(Image):
-    """RGB pixels as a NumPy array; `on_close` is called once, when they are no longer needed."""
+    """RGB pixels as a NumPy array. `on_close` is called once, when they are no longer needed."""
 
     def __init__(self, pixels: Pixels, on_close: Callable[[], None] | None = None) -> None:
         self.height, self.width = pixels.shape[:2]
@@ -51,9 +51,9 @@ class HostImage(Image):
 
 
 class FramebufferPool:
-    """Framebuffers that are used again, so that one frame can be encoded while the next is rendered.
+    """A pool of framebuffers, which allows one frame to be encoded while the next is rendered.
 
-    Images are closed from any thread. The pool keeps as many buffers as were ever open at once, at most KEPT.
+    Images may be closed from any thread. The pool keeps as many buffers as were ever in use at once, at most KEPT.
     """
 
     def __init__(self) -> None:
@@ -61,7 +61,7 @@ class FramebufferPool:
         self._lock = threading.Lock()
 
     def image(self, width: int, height: int) -> HostImage:
-        """An image of `height` × `width` pixels with undefined content."""
+        """An image of `width` × `height` pixels with undefined content."""
         size = height * width * 3
         with self._lock:
             buffer = self._free.pop() if self._free else np.empty(0, np.uint8)

@@ -1,7 +1,7 @@
-"""A synthetic rasteriser: grey frames of a given size in bytes, immediately or at a given rate.
+"""A synthetic rasteriser that makes grey frames of a given size in bytes, immediately or at a given rate.
 
 Tests and benchmarks of everything except rendering use it as the device `instant`, `instant:BYTES` or
-`instant:BYTES:FRAMES_PER_S`; it is documented nowhere else.
+`instant:BYTES:FRAMES_PER_S`, which is not documented elsewhere.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from tigas_render.raster.lanes import FetchedImage, Job, LaneRasterizer
 
 NAME = "instant"
 DEFAULT_BYTES = 23_000
-"""Size of a frame of a captured scene at the third rung."""
+"""Typical size of a captured scene's frame at the third rung."""
 GREY = 128
 QUALITY = 50
 
@@ -68,11 +68,11 @@ class InstantRasterizer(LaneRasterizer):
     hardware = "nothing: frames are made up"
 
     def __init__(self, size: int = DEFAULT_BYTES, frames_per_s: int | None = None) -> None:
-        """size: bytes of every JPEG; frames_per_s: upper limit, None for unlimited."""
+        """size: of every JPEG, in bytes. frames_per_s: upper limit; None for no limit."""
         self._size = size
         self._delay = Call(_libc.usleep, (round(1e6 / frames_per_s) if frames_per_s else 0,))
         self._free: list[FrameCalls] = []
-        self.frames_in_flight = 1 if frames_per_s else 6  # as many as CUDA's
+        self.frames_in_flight = 1 if frames_per_s else 6  # CUDA's minimum
 
     def pack(self, scene: Batches) -> PreparedScene:
         for _ in scene.parts:
@@ -90,7 +90,7 @@ class InstantRasterizer(LaneRasterizer):
 
 @functools.lru_cache(64)
 def made_up_jpeg(width: int, height: int, size: int) -> bytes:
-    """A grey JPEG of `size` bytes; longer if it takes more to be one."""
+    """A grey JPEG of `size` bytes, or longer if this is too short."""
     jpeg = encode_jpeg(np.full((height, width, 3), GREY, np.uint8), QUALITY)
     fill = b"\xff" * (size - len(jpeg))  # allowed before any marker (ITU T.81, B.1.1.2)
     return jpeg[:2] + fill + jpeg[2:]

@@ -1,8 +1,8 @@
-"""Lanes: native threads that make frames by C calls, so that the event loop's thread is the only one to run Python.
+"""Lanes: native threads that make frames with C calls, so that only the event loop's thread runs Python.
 
 A lane makes one frame at a time: its calls draw the frame, encode it and copy it to the host. An eventfd starts it, and
-another reports to the event loop. Ordinary Python threads are too slow for 100 viewers: a thread with one call each for
-launches, encoding and readback acquires the GIL five times a frame (docs/results/2026-11-engine-cost.md).
+another reports to the event loop. Ordinary Python threads are too slow for 100 viewers: with separate calls for
+launches, encoding and readback, a thread acquires the GIL five times per frame (docs/results/2026-11-engine-cost.md).
 """
 
 from __future__ import annotations
@@ -45,9 +45,9 @@ class FetchedImage(Image):
     height: int
     format: FrameFormat
     quality: int
-    """Of a JPEG."""
+    """JPEG quality."""
     content: bytes
-    """A JPEG, video planes or, for `png`, RGB pixels."""
+    """A JPEG, planes for video or, for `png`, RGB pixels."""
     coded_depth: CodedDepth | None = None
 
     def encode(self, format: FrameFormat, quality: int) -> bytes:
@@ -68,18 +68,18 @@ class FetchedImage(Image):
 
 
 class Job(ABC):
-    """One frame as C calls, with the device's resources that it holds until it is closed."""
+    """One frame as C calls, with the device resources that it holds until it is closed."""
 
     @abstractmethod
     def calls(self) -> FrameCalls:
-        """The calls of one attempt. No other job has them until this one is closed."""
+        """The calls for one attempt. No other job uses them until this one is closed."""
 
     @abstractmethod
     def fetched(self) -> FetchedImage | None:
-        """The image, after all calls; None if the buffers were too small and have been enlarged for a new attempt."""
+        """The image, after all calls; None if the buffers were too small and have been enlarged for another attempt."""
 
     def explained(self) -> AbstractContextManager[None]:
-        """A context that translates the device's errors into the service's."""
+        """A context manager that translates the device's errors into the service's."""
         return nullcontext()
 
     def close(self, *, failed: bool) -> None:  # noqa: B027 - not every job holds any
@@ -101,14 +101,14 @@ class Job(ABC):
 
 
 class LaneRasterizer(Rasterizer):
-    """A rasteriser with `frames_in_flight` lanes. `render` is for single pictures: previews, warm-up, tools, tests."""
+    """A rasteriser with `frames_in_flight` lanes. `render` is for single images: previews, warm-up, tools and tests."""
 
     @abstractmethod
     def job(self, scene: PreparedScene, camera: Camera, format: FrameFormat, quality: int, *, depth: bool) -> Job:
-        """One view for a lane, to be started at once. Raises the errors of `render`. quality: of a JPEG."""
+        """Prepare one view for a lane, to be started immediately. quality: of a JPEG. Raises the errors of `render`."""
 
     def enter_thread(self) -> None:
-        """Prepare the calling thread for a job's calls; called once in each lane."""
+        """Prepare the calling thread for a job's calls. Called once in each lane."""
 
     def render(
         self,
@@ -128,20 +128,20 @@ Finished = Callable[[FetchedImage | Exception], None]
 
 
 class _Lane:
-    """A native thread that executes one job's calls at a time."""
+    """A native thread that executes the calls of one job at a time."""
 
     def __init__(self, bit: int, done: int, enter: Callable[[], None]) -> None:
         self.bit = bit
         self.order = os.eventfd(0, os.EFD_CLOEXEC)
         self.calls: FrameCalls
-        """Of the last job."""
+        """The calls of the last job."""
         self._table = np.zeros((MOST_CALLS, 1 + MOST_ARGUMENTS), np.int64)
         self._state = np.zeros(4, np.int64)
         self.thread = threading.Thread(target=self._run, args=(done, enter), name=f"lane {bit}", daemon=True)
         self.thread.start()
 
     def begin(self, job: Job) -> None:
-        """Execute the job's calls in order, until one fails. Raises RuntimeError after `end`."""
+        """Start executing the job's calls in order, until one fails. Raises RuntimeError after `end`."""
         if self._state[IS_LAST]:
             raise RuntimeError("the lanes have ended")
         with job.explained():
@@ -152,27 +152,27 @@ class _Lane:
         os.eventfd_write(self.order, 1)
 
     def check(self) -> None:
-        """Raise the error of the call that failed, if one did."""
+        """Raise the error of the failed call, if any."""
         status = int(self._state[STATUS])
         if status:
             raise self.calls.error(int(self._state[FAILED]), status)
 
     def end(self) -> None:
-        """Exit after the present job and its report."""
+        """Let the thread exit after the current job and its report."""
         self._state[IS_LAST] = 1
         os.eventfd_write(self.order, 1)
 
     def _run(self, done: int, enter: Callable[[], None]) -> None:
-        signal.pthread_sigmask(signal.SIG_BLOCK, signal.valid_signals())  # none interrupts a call
+        signal.pthread_sigmask(signal.SIG_BLOCK, signal.valid_signals())  # signals must not interrupt a call
         enter()
         serve(self.order, done, self.bit, self._table, self._state)
 
 
 class Lanes:
-    """The lanes of a rasteriser, owned by one thread, which they never block."""
+    """The lanes of a rasteriser. They belong to one thread, which they never block."""
 
     def __init__(self, count: int, enter: Callable[[], None]) -> None:
-        """count: at most 63; enter: called once in each native thread, must not raise."""
+        """count: at most 63. enter: called once in each native thread, and must not raise."""
         self._done = os.eventfd(0, os.EFD_CLOEXEC | os.EFD_NONBLOCK)
         self._lanes = [_Lane(1 << number, self._done, enter) for number in range(count)]
         self._free = list(self._lanes)
@@ -180,16 +180,16 @@ class Lanes:
 
     @property
     def free(self) -> int:
-        """The number of idle lanes."""
+        """Number of idle lanes."""
         return len(self._free)
 
     @property
     def busy(self) -> int:
-        """The number of lanes with a frame."""
+        """Number of lanes with a frame."""
         return len(self._jobs)
 
     def fileno(self) -> int:
-        """A descriptor that is readable when there is something to `collect`."""
+        """A file descriptor that is readable when there is something to `collect`."""
         return self._done
 
     def begin(self, job: Job, finished: Finished) -> None:
@@ -210,7 +210,7 @@ class Lanes:
         except BlockingIOError:
             return
         results = [(self._jobs[lane][1], self._result(lane)) for lane in self._lanes if bits & lane.bit]
-        for finished, result in results:  # after all lanes are free, in case a callback raises
+        for finished, result in results:  # once all lanes are free, so that a callback's error loses no lane
             if result is not None:
                 try:
                     finished(result)
@@ -218,7 +218,7 @@ class Lanes:
                     logger.exception("A frame was not delivered")
 
     def _result(self, lane: _Lane) -> FetchedImage | Exception | None:
-        """The outcome of a lane's job, which is then closed; None if it was restarted with larger buffers."""
+        """The outcome of a lane's job, after closing it; None if the job was restarted with larger buffers."""
         job, _ = self._jobs[lane]
         failed = True
         try:
@@ -242,13 +242,13 @@ class Lanes:
         return result
 
     def end(self) -> None:
-        """Wait for the frames in flight and accept no more. Callable on any thread."""
+        """Wait for the frames in flight, and accept no more. May be called on any thread."""
         for lane in self._lanes:
             lane.end()
         for lane in self._lanes:
             lane.thread.join()
 
     def close(self) -> None:
-        """Release the descriptors, after `end` and a last `collect`."""
+        """Close the file descriptors, after `end` and a last `collect`."""
         for descriptor in (*(lane.order for lane in self._lanes), self._done):
             os.close(descriptor)

@@ -1,4 +1,4 @@
-"""Z-order: neighbours in space become neighbours in memory."""
+"""Z-order, which makes neighbours in space neighbours in memory."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ if TYPE_CHECKING:
     import torch
 
 BITS = 20
-"""Of each axis; three axes fill 60 of 64."""
+"""Bits per axis; three axes fill 60 of 64 bits."""
 MAX_SAMPLE = 100_000
-"""Points, about, that the grid's extent is estimated from."""
+"""Approximate number of points from which the grid's extent is estimated."""
 
 Integers = TypeVar("Integers", NDArray[np.int64], "torch.Tensor")
 
@@ -30,9 +30,10 @@ def morton_codes(points: NDArray[np.floating[Any]]) -> NDArray[np.int64]:
 
 
 def morton_grid(points: NDArray[np.floating[Any]]) -> tuple[NDArray[np.float64], float]:
-    """Where the grid of points [N, 3] lies, N > 0: a point's place in it, 0 to 1, is (point - low) · scale + 1/4.
+    """`low` [3] and `scale` of the grid for N > 0 points [N, 3], in which a point is at (point - low) · scale + 1/4.
 
-    Half of its width is the middle 98 % of the widest axis, so that a few points far away do not make it coarse.
+    Half of the grid's width spans the middle 98 % of the widest axis, so that a few distant points do not make it
+    coarse.
     """
     some = points[:: max(1, len(points) // MAX_SAMPLE)].astype(np.float64)
     low, high = np.quantile(some, (0.01, 0.99), axis=0)
@@ -40,7 +41,7 @@ def morton_grid(points: NDArray[np.floating[Any]]) -> tuple[NDArray[np.float64],
 
 
 def spread(values: Integers) -> Integers:
-    """Put two zero bits between the lowest BITS bits of each value."""
+    """Insert two zero bits between the lowest BITS bits of each value."""
     for shift, mask in (
         (32, 0x1F00000000FFFF),
         (16, 0x1F0000FF0000FF),

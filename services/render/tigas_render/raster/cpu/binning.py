@@ -1,6 +1,7 @@
-"""The second and third stage: one list of Gaussians for each tile, nearest first.
+"""The second and third stages, which make one list of Gaussians for each tile, nearest first.
 
-A Gaussian is in the lists of the tiles that it touches: exact spans of its ellipse alpha ≥ 1/255 over a strip of rows.
+A Gaussian is in the lists of the tiles that it touches, by the exact spans of its ellipse alpha ≥ 1/255 in each row of
+tiles.
 """
 
 # mypy: disable-error-code="no-untyped-def,no-untyped-call,call-arg,var-annotated"
@@ -14,19 +15,19 @@ from tigas_render.raster.cpu.kernel import bits_of, fetch_add, kernel, prefetch
 
 U, F = np.uint64, np.float32
 DIGIT = 8
-"""Bits sorted by at once."""
+"""Bits per pass of the radix sort."""
 DIGITS = 3
 KEY_BITS = DIGIT * DIGITS
 AHEAD = 16
-"""Splats are prefetched this many places ahead."""
+"""Number of splats to prefetch ahead."""
 
 
 @kernel()
 def place_lists(tile_counts, begin, limit, starts):
-    """Turn counts [S, tiles] of tiles from `begin` on into cursors: where each slice starts to write in a tile's list.
+    """Turn the counts [S, tiles] of tiles from `begin` on into cursors, where each slice starts to write its entries.
 
-    Stops before the lists together would exceed `limit` entries, but not before one tile; gives the tile it stopped at.
-    starts [tiles + 1]: where each tile's list begins, and the end of the last.
+    Stops before the lists together exceed `limit` entries, but not before the first tile is done. Returns the tile at
+    which it stopped. starts [tiles + 1]: the start of each tile's list, and the end of the last.
     """
     total = 0
     tile = begin
@@ -48,7 +49,7 @@ def place_lists(tile_counts, begin, limit, starts):
 
 @kernel(parallel=True)
 def fill_lists(splats, keys, visible, slices, cursors, tiles_x, begin, end, entries, threads, turn):
-    """Write the lists of tiles begin … end - 1: entries [total], the depth's bits << 32 | the splat's number.
+    """Write the lists of tiles begin … end - 1 as entries [total]: the depth's bits << 32 | the splat's number.
 
     Each slice of chosen chunks writes at its own cursors, so the order does not depend on the threads.
     """
@@ -70,7 +71,7 @@ def fill_lists(splats, keys, visible, slices, cursors, tiles_x, begin, end, entr
 def sort_lists(starts, begin, end, entries, spare, histograms, turn):
     """Sort the lists of tiles begin … end - 1 by depth, stably, from `entries` into `spare`.
 
-    histograms [threads, DIGITS << DIGIT]; turn [1]: the next tile, `begin` at first.
+    histograms [threads, DIGITS << DIGIT]. turn [1]: the next tile, initially `begin`.
     """
     for thread in prange(histograms.shape[0]):
         while True:
@@ -84,8 +85,8 @@ def sort_lists(starts, begin, end, entries, spare, histograms, turn):
 def sort_list(entries, spare, start, end, histogram):
     """Radix sort of entries[start:end] into spare[start:end].
 
-    Depths are positive, so their bits sort as they do. The list's own range is sorted by its KEY_BITS highest bits: a
-    relative precision of 2^-18 even between the near plane and the horizon.
+    Depths are positive, so their bits have the same order. They are sorted by the highest KEY_BITS of the list's own
+    range, which gives a relative precision of 2^-18 even between the near plane and the horizon.
     """
     if start == end:
         return
@@ -125,22 +126,22 @@ def sort_list(entries, spare, start, end, histogram):
 def span(splats, at, y0, y1, x0, x1):
     """First and last + 1 of the pixel columns x0 … x1 - 1 that the splat at `at` touches in rows y0 … y1 - 1.
 
-    With a dx² + 2b dx dy + c dy² = k as the ellipse, its right-most point has dy = -b/c · dx. Where that lies outside
-    the strip, the strip's nearer edge has the right-most point; the left-most follows by symmetry.
+    The rightmost point of the ellipse a dx² + 2b dx dy + c dy² = k has dy = -b/c · dx. If that is outside the strip of
+    rows, the rightmost point is on the strip's nearer edge. The leftmost point follows by symmetry.
     """
     a, b, c = -splats[at + L.XX], F(-0.5) * splats[at + L.XY], -splats[at + L.YY]
     k = splats[at + L.LOG] - F(L.LOG_ALPHA_MIN)
     u, v = splats[at + L.CENTRE_X], splats[at + L.CENTRE_Y]
     low, high = F(y0) + F(0.5) - v, F(y1) - F(0.5) - v
     determinant = a * c - b * b
-    if not determinant > F(1e-30):  # far larger than any picture
+    if not determinant > F(1e-30):  # far larger than any image
         return x0, x1
     widest = -b * np.sqrt(k / (c * determinant))
     right_dy = min(max(widest, low), high)
     left_dy = min(max(-widest, low), high)
     right = (-b * right_dy + np.sqrt(max(a * k - determinant * right_dy * right_dy, F(0)))) / a
     left = (-b * left_dy - np.sqrt(max(a * k - determinant * left_dy * left_dy, F(0)))) / a
-    # rounding may cost a hair: widen by a hundredth of a pixel; clamp before converting to int
+    # widened by a hundredth of a pixel, because of rounding; clamped before the conversion to int
     first = max(x0, int(min(max(u + left + F(0.49), F(x0)), F(x1))))
     end = min(x1, int(min(max(u + right + F(0.51), F(x0)), F(x1))))
     return first, end
@@ -148,7 +149,7 @@ def span(splats, at, y0, y1, x0, x1):
 
 @kernel()
 def count_tiles(splats, at, counts, tiles_x):
-    """Add 1 to the counter of every tile that the splat at `at` touches; gives the box of these tiles in 32 bits."""
+    """Add 1 to the counter of every tile that the splat at `at` touches. Returns the box of these tiles in 32 bits."""
     x0, x1, y0, y1 = pixel_box(splats, at)
     tx0, tx1, ty0, ty1 = x0 // L.TILE, (x1 - 1) // L.TILE, y0 // L.TILE, (y1 - 1) // L.TILE
     for ty in range(ty0, ty1 + 1):
@@ -162,9 +163,9 @@ def count_tiles(splats, at, counts, tiles_x):
 
 @kernel(inline=True)
 def list_tiles(splats, at, box, entry, cursors, tiles_x, begin, end, entries):
-    """Append `entry` to the list of each tile from `begin` to `end` - 1 that count_tiles counted, at its cursor.
+    """Append `entry` to the lists of the tiles `begin` … `end` - 1 that count_tiles counted, at their cursors.
 
-    box: the result of count_tiles; the splat is examined only if the box has corners that it may not touch.
+    box: the result of count_tiles. The splat is examined only if it may not touch the corners of the box.
     """
     byte = U(0xFF)
     tx0, ty0 = np.int64(box & byte), np.int64(box >> U(8) & byte)
@@ -190,7 +191,7 @@ def has_corners(box):
 def tile_span(splats, at, ty):
     """First and last tile column that the splat at `at` touches in the tile row ty.
 
-    Exact, because count_tiles and list_tiles must come to the same result.
+    Compiled as exact, because count_tiles and list_tiles must get the same result.
     """
     x0, x1, y0, y1 = pixel_box(splats, at)
     left, right = span(splats, at, max(y0, ty * L.TILE), min(y1, ty * L.TILE + L.TILE), x0, x1)
@@ -199,7 +200,7 @@ def tile_span(splats, at, ty):
 
 @kernel(inline=True)
 def pixel_box(splats, at):
-    """x0, x1, y0, y1: the splat at `at` touches no pixel outside columns x0 … x1 - 1 and rows y0 … y1 - 1."""
+    """x0, x1, y0, y1 such that the splat touches no pixel outside columns x0 … x1 - 1 and rows y0 … y1 - 1."""
     columns, rows = bits_of(splats[at + L.COLUMNS]), bits_of(splats[at + L.ROWS])
     mask, shift = np.uint32(0xFFFF), np.uint32(16)
     return np.int64(columns & mask), np.int64(columns >> shift), np.int64(rows & mask), np.int64(rows >> shift)

@@ -1,4 +1,4 @@
-"""The last stage: blends each tile's Gaussians front to back and writes its pixels."""
+"""The last stage, which blends each tile's Gaussians front to back and writes its pixels."""
 
 # mypy: disable-error-code="no-untyped-def,no-untyped-call,call-arg,var-annotated"
 from __future__ import annotations
@@ -13,14 +13,14 @@ from tigas_render.raster.cpu.kernel import fetch_add, kernel, prefetch
 
 U, F = np.uint64, np.float32
 CELL = 2
-"""Pixels on each side of a cell of depth; tiles consist of whole cells, so that every cell has one writer."""
+"""Side length of a depth cell in pixels. Tiles consist of whole cells, so that every cell has one writer."""
 CHECK_EVERY = 32
-"""Gaussians between two looks at whether a tile is finished."""
+"""Number of Gaussians between two checks of whether a tile is finished."""
 AHEAD = 16
-"""Records are prefetched this many places ahead."""
+"""Number of records to prefetch ahead."""
 CHANNELS = 5
-"""Red, green, blue, the transmittance, which is negative once the pixel is finished, and with depth: weight / z. The
-same layout with and without depth: the additional memory costs nothing, and there is one loop.
+"""Red, green, blue, the transmittance, which is negative once the pixel is finished, and weight / z for depth. The
+layout is the same without depth, because the additional memory costs nothing and one loop serves both.
 """
 BLOCK_FLOATS = CHANNELS * L.LANES
 TILE_FLOATS = BLOCK_FLOATS * L.TILE_BLOCKS * L.TILE_BLOCKS
@@ -35,8 +35,8 @@ P3, P4, P5 = F(0.05527972284758), F(0.009188611833452), F(0.0009387883195262)
 def blend(splats, starts, begin, end, entries, background, frame, cells, accumulators, turn):
     """Draw tiles begin … end - 1 into frame [H, W, 3] uint8. background: RGB float32.
 
-    cells: output of `write_cells`, or None; both are compiled separately, so that depth costs nothing unless requested.
-    accumulators [threads, TILE_FLOATS]; turn [1]: the next tile, `begin` at first.
+    cells: output of `write_cells`, or None. The two cases are compiled separately, so that depth costs nothing unless
+    requested. accumulators [threads, TILE_FLOATS]. turn [1]: the next tile, initially `begin`.
     """
     tiles_x = (frame.shape[1] + L.TILE - 1) // L.TILE
     for thread in prange(accumulators.shape[0]):
@@ -99,7 +99,7 @@ def blend_tile(splats, entries, start, end, tile_x, tile_y, acc, cells):
 
 @kernel()
 def is_finished(acc):
-    """Whether no pixel of a tile takes more light."""
+    """Whether all pixels of a tile are finished."""
     for block in range(L.TILE_BLOCKS * L.TILE_BLOCKS):
         first = U(block * BLOCK_FLOATS) + LIGHT
         lit = np.uint32(0)
@@ -112,7 +112,7 @@ def is_finished(acc):
 
 @kernel()
 def write_tile(acc, background, x0, y0, frame):
-    """Put the background behind a tile and write it into the frame."""
+    """Blend a tile with the background and write it into the frame."""
     for y in range(min(L.TILE, frame.shape[0] - y0)):
         for x in range(min(L.TILE, frame.shape[1] - x0)):
             block = (y // L.BLOCK) * L.TILE_BLOCKS + x // L.BLOCK
@@ -125,7 +125,7 @@ def write_tile(acc, background, x0, y0, frame):
 
 @kernel()
 def write_cells(acc, x0, y0, width, height, cells):
-    """Sum up a tile's pixels inside the picture by cell: cells [rows, columns, 2], of weight / z and of weight."""
+    """Sum a tile's pixels inside the image by cell: cells [rows, columns, 2] of weight / z and of weight."""
     for cy in range(y0 // CELL, min((y0 + L.TILE) // CELL, cells.shape[0])):
         for cx in range(x0 // CELL, min((x0 + L.TILE) // CELL, cells.shape[1])):
             inverse, opacity = F(0), F(0)
@@ -141,7 +141,7 @@ def write_cells(acc, x0, y0, width, height, cells):
 
 @kernel()
 def average_cells(cells, width, height, means):
-    """Average cells over the pixels of a map, means [h, w, 2]; a cell between several counts by area in each."""
+    """Average cells over the pixels of a map, means [h, w, 2]. Cells that span several pixels are weighted by area."""
     rows, columns = means.shape[:2]
     across, down = width / columns, height / rows
     for row in range(rows):

@@ -1,4 +1,4 @@
-"""Compiling and caching of kernels, and primitives that Numba lacks: an atomic counter, a cache hint and bit casts."""
+"""Compiling and caching of kernels, and primitives that Numba lacks: an atomic counter, prefetching and bit casts."""
 
 # mypy: disable-error-code="no-untyped-def,no-untyped-call,untyped-decorator,call-arg,var-annotated"
 from __future__ import annotations
@@ -30,8 +30,8 @@ FINGERPRINT = _fingerprint()
 class _KernelCache(FunctionCache):
     """Numba's cache on disk, invalidated by a change in any module of this package.
 
-    Numba itself checks only a function's own file, and would keep code inlined from others. It also ignores kernels
-    next to their sources if this user cannot write there, as a service without rights.
+    Numba itself checks only a function's own file, and would keep outdated code inlined from others. It also ignores
+    kernels next to their sources if the user cannot write there, such as an unprivileged service.
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:
@@ -44,7 +44,7 @@ class _KernelCache(FunctionCache):
         own = super()._load_overload(sig, target_context)
         if own is not None:
             return own
-        with suppress(OSError):  # not for this user
+        with suppress(OSError):  # not readable by this user
             installed = self._installed.load(self._index_key(sig, target_context.codegen()))
             if installed is not None:
                 return self._impl.rebuild(target_context, installed)
@@ -54,7 +54,7 @@ class _KernelCache(FunctionCache):
 def kernel(*, parallel: bool = False, inline: bool = False, exact: bool = False) -> Callable[[Callable[..., Any]], Any]:
     """Compile a function to run without the GIL, and cache it. Kernels may test for NaN and infinities.
 
-    exact: follow IEEE 754 to the last bit, so that the function gives the same wherever it becomes part of another.
+    exact: follow IEEE 754 to the last bit, so that the result is the same wherever the function is inlined.
     """
 
     def compile_(function: Callable[..., Any]) -> Any:
@@ -73,7 +73,7 @@ def kernel(*, parallel: bool = False, inline: bool = False, exact: bool = False)
 
 @intrinsic
 def fetch_add(typingctx, counters, index):
-    """Atomically add 1 to counters[index] and give its old value: hands out work to threads as they get free."""
+    """Atomically add 1 to counters[index] and return the old value, to hand out work to threads as they become free."""
 
     def codegen(context, builder, signature, args):
         array = context.make_array(signature.args[0])(context, builder, args[0])
@@ -85,7 +85,7 @@ def fetch_add(typingctx, counters, index):
 
 @intrinsic
 def prefetch(typingctx, array, index):
-    """Ask for the cache line of array[index] (one-dimensional), which is soon read."""
+    """Prefetch the cache line of array[index] (one-dimensional), which will be read soon."""
 
     def codegen(context, builder, signature, args):
         data = context.make_array(signature.args[0])(context, builder, args[0]).data
@@ -111,7 +111,7 @@ def bits_of(typingctx, value):
 
 @intrinsic
 def widen(typingctx, bits):
-    """The float32 of the same value as the float16 that has these bits (uint16)."""
+    """Convert a float16, given by its bits (uint16), to float32."""
 
     def codegen(context, builder, signature, args):
         return builder.fpext(builder.bitcast(args[0], ir.HalfType()), ir.FloatType())
@@ -121,7 +121,7 @@ def widen(typingctx, bits):
 
 @intrinsic
 def float_of(typingctx, value):
-    """The float32 that has these bits (uint32)."""
+    """The float32 with these bits (uint32)."""
 
     def codegen(context, builder, signature, args):
         return builder.bitcast(args[0], ir.FloatType())

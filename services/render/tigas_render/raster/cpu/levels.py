@@ -1,9 +1,9 @@
-"""Coarser levels of a large scene: node by node, the Gaussians that share a small cell of space become one.
+"""Coarser levels of a large scene: in each node, the Gaussians in the same small cell of space are merged into one.
 
-A node is a group of neighbouring chunks. Its first level is all of its Gaussians; each further one has at most a
-quarter of the previous one. Cells are those of the Z-order's grid, as small as that number allows. Only Gaussians
-smaller than a cell are merged, so that a level differs from the full detail by no more than a cell's edge. A node is
-drawn at the coarsest level with a short edge on screen (`project.choose_chunks`).
+A node is a group of neighbouring chunks. Its first level has all of its Gaussians, and each further level at most a
+quarter of the previous one. Cells are those of the Z-order's grid, as small as that limit allows. Only Gaussians
+smaller than a cell are merged, so a level differs from the full detail by at most a cell's edge. A node is drawn at the
+coarsest level for which this edge is short on screen (`project.choose_chunks`).
 """
 
 # mypy: disable-error-code="no-untyped-def,no-untyped-call,call-arg,var-annotated"
@@ -23,32 +23,32 @@ from tigas_render.raster.cpu.order import Grid, code_of
 
 U = np.uint64
 FROM = 1 << 20
-"""Number of Gaussians from which scenes have levels: two cores draw smaller ones in full."""
+"""Minimum number of Gaussians for a scene to have levels; two cores can draw smaller scenes in full."""
 LEVELS = 3
 COARSER = 2
-"""A level has at most 1 / 2^COARSER of the Gaussians of the one before."""
+"""A level has at most 1 / 2^COARSER of the previous level's Gaussians."""
 NODE = 16
-"""Chunks of a node's full detail."""
+"""Number of chunks in a node at full detail."""
 COARSE_CHUNKS = sum(NODE >> (COARSER * level) for level in range(1, LEVELS))
-"""Chunks of its other levels together, at most."""
+"""Maximum number of chunks in all other levels of a node."""
 EDGE_PIXELS, MOST_EDGE_PIXELS = 0.7, 4.0
-"""How long a cell's edge may be on the screen, and how long it becomes where too much would be drawn."""
+"""Length of a cell's edge on screen: the usual maximum, and the maximum if too much would be drawn otherwise."""
 MOST_CHUNKS = 2 * FROM // L.CHUNK
-"""More is too much: two million Gaussians in the picture take two cores a tenth of a second."""
+"""Number of chunks above which detail is reduced: two million Gaussians take two cores a tenth of a second."""
 NEVER = math.inf
-"""The edge of a level that a node does not have."""
+"""The edge of a level that a node lacks."""
 
 
 @dataclass(frozen=True, slots=True)
 class Nodes:
-    """Chunks of each node at each level; N nodes."""
+    """The chunks of N nodes at each level."""
 
     chunks: NDArray[np.int64]
-    """[N, LEVELS, 2] the first chunk, and the one after the last."""
+    """[N, LEVELS, 2] first and last + 1 of the chunks."""
     edges: NDArray[np.float64]
-    """[N, LEVELS] a cell's edge, in scene units; 0 for the full detail."""
+    """[N, LEVELS] length of a cell's edge, in scene units; 0 for the full detail."""
     bounds: NDArray[np.float64]
-    """[N, BOUNDS] of all its chunks."""
+    """[N, BOUNDS] bounds of all chunks of a node."""
 
     @property
     def nbytes(self) -> int:
@@ -56,13 +56,13 @@ class Nodes:
 
 
 def room(count: int) -> int:
-    """How many chunks a scene of `count` Gaussians takes, at most."""
+    """Maximum number of chunks in a scene of `count` Gaussians, including all levels."""
     chunks = -(-count // L.CHUNK)
     return chunks + (-(-chunks // NODE) * COARSE_CHUNKS if count >= FROM else 0)
 
 
 def full_detail(count: int) -> Nodes:
-    """The nodes of `count` Gaussians, in order, with a single level; bounds are filled in later."""
+    """The nodes of `count` Gaussians, in order, with a single level. Bounds are filled in later."""
     chunks = -(-count // L.CHUNK)
     nodes = -(-chunks // NODE)
     levels = np.zeros((nodes, LEVELS, 2), np.int64)
@@ -82,10 +82,10 @@ def add_levels(
     nodes: Nodes,
     check: Callable[[], None],
 ) -> int:
-    """Write the coarser levels behind the full detail, and into `nodes`; gives the number of chunks that are in use.
+    """Write the coarser levels after the full detail, and into `nodes`. Returns the number of chunks in use.
 
     rows [room · CHUNK, GEOMETRY], sh [room · CHUNK, 3 · K]: the first `count` are Gaussians in the grid's Z-order.
-    check: called at each node; raises to end the work.
+    check: called at each node, and may raise an error to abort.
     """
     codes, sizes = np.empty(NODE * L.CHUNK, np.uint64), np.empty(NODE * L.CHUNK)
     colours = np.empty((NODE * L.CHUNK >> COARSER, sh.shape[1]), np.float32)
@@ -103,8 +103,8 @@ def add_levels(
             if doublings < 0:
                 break
             edge = grid.cell * 2.0**doublings
-            # As wide as pixels at the distance where the level comes into use. The filter of a scene that was trained
-            # antialiased costs opacity, so that the coverage is unchanged.
+            # The variance of a pixel at the distance at which the level is first used. In a scene that was trained
+            # antialiased the filter reduces opacity, so that it does not change the coverage.
             blur = 0.0 if antialiased else DILATION * (edge / EDGE_PIXELS) ** 2
             first, begin = end_of_all, end_of_all * L.CHUNK
             number = merge(finer, finer_sh, codes, sizes, 3 * doublings, edge, blur, rows[begin:], colours)
@@ -117,7 +117,7 @@ def add_levels(
 
 
 def pad(rows: NDArray[np.float32], sh: NDArray[np.float16], start: int, end: int) -> None:
-    """Fill a chunk's rest, start … end - 1, with invisible copies of its last Gaussian."""
+    """Fill the rest of a chunk, start … end - 1, with invisible copies of its last Gaussian."""
     if start < end:
         rows[start:end], sh[start:end] = rows[start - 1], 0
         rows[start:end, L.LOG_ALPHA] = -2
@@ -125,7 +125,7 @@ def pad(rows: NDArray[np.float32], sh: NDArray[np.float16], start: int, end: int
 
 @kernel()
 def bound_nodes(chunk_bounds, chunks, bounds):
-    """Fill bounds [N, BOUNDS] from those of the chunks named by chunks [N, LEVELS, 2]."""
+    """Fill the nodes' bounds [N, BOUNDS] from the bounds of their chunks [N, LEVELS, 2]."""
     for node in range(bounds.shape[0]):
         into = bounds[node]
         into[:] = chunk_bounds[chunks[node, 0, 0]]
@@ -140,7 +140,7 @@ def bound_nodes(chunk_bounds, chunks, bounds):
 
 @kernel()
 def measure(rows, low, scale, axis_bits, codes, sizes):
-    """Write the Z-order code of each row, and its greatest deviation; infinity outside the grid."""
+    """Write the Z-order code of each row, and a bound on its deviation, infinite outside the grid."""
     for i in range(rows.shape[0]):
         codes[i] = code_of(rows[i], low, scale, axis_bits)
         sizes[i] = deviation_bound(rows[i])
@@ -152,7 +152,7 @@ def measure(rows, low, scale, axis_bits, codes, sizes):
 
 @kernel()
 def cells_for(most, codes, sizes, cell, axis_bits):
-    """How often a cell's edge has to be doubled until `merge` leaves at most `most` Gaussians; -1 if it never does.
+    """Number of times to double the cells' edges until `merge` leaves at most `most` Gaussians; -1 if it never does.
 
     cell: the edge of the grid's own cells.
     """
@@ -174,11 +174,11 @@ def cells_for(most, codes, sizes, cell, axis_bits):
 
 @kernel()
 def merge(rows, sh, codes, sizes, shift, edge, blur, into, colours):
-    """Write a coarser level of rows [N, GEOMETRY], sh [N, 3 · K] into `into` and colours; returns its size.
+    """Write a coarser level of rows [N, GEOMETRY] and sh [N, 3 · K] into `into` and `colours`. Returns its size.
 
-    The Gaussians of a cell that are no larger than it become one of the same first and second moments, each weighted
-    with its coverage: its opacity times its area, averaged over directions. The opacity of the merged one gives their
-    joint transmittance at independent positions. `blur` is added to the variances for both, in scene units².
+    The Gaussians in a cell that are no larger than it are merged into one with the same first and second moments, each
+    weighted by its coverage: opacity times area, averaged over directions. The merged opacity gives their joint
+    transmittance at independent positions. blur: added to the variances for both, in scene units².
     """
     at, begin = 0, 0
     mean, covariance, colour = np.empty(3), np.empty(6), np.empty(sh.shape[1])
@@ -233,16 +233,14 @@ def merge(rows, sh, codes, sizes, shift, edge, blur, into, colours):
 
 @kernel(inline=True)
 def opacity(row):
-    """Of a Gaussian; 0 to 1."""
+    """The opacity of a Gaussian, 0 to 1."""
     return 2.0 ** (np.float64(row[L.LOG_ALPHA]) / L.ALPHA_SCALE)
 
 
 @kernel()
 def area(covariance, blur):
-    """Area of an ellipsoid's projections, up to a factor: √(σ₁²σ₂² + σ₂²σ₃² + σ₃²σ₁²), a covariance's second
-    invariant.
-
-    covariance [6]: xx, xy, xz, yy, yz, zz.
+    """Mean area of an ellipsoid's projections, up to a factor: √(σ₁²σ₂² + σ₂²σ₃² + σ₃²σ₁²), the root of the second
+    invariant of its covariance [6]: xx, xy, xz, yy, yz, zz.
     """
     xx, yy, zz = covariance[0] + blur, covariance[3] + blur, covariance[5] + blur
     xy, xz, yz = covariance[1], covariance[2], covariance[4]
@@ -251,7 +249,7 @@ def area(covariance, blur):
 
 @kernel()
 def add_moments(row, mean, weight, covariance):
-    """Add a Gaussian's second moments about `mean`, times its weight, to covariance [6]."""
+    """Add a Gaussian's second moments about `mean`, multiplied by its weight, to covariance [6]."""
     x, y, z = row[L.MEAN_X] - mean[0], row[L.MEAN_Y] - mean[1], row[L.MEAN_Z] - mean[2]
     covariance[0] += weight * (row[L.COV_XX] + x * x)
     covariance[1] += weight * (row[L.COV_XY] + x * y)
@@ -263,7 +261,7 @@ def add_moments(row, mean, weight, covariance):
 
 @kernel()
 def deviation_bound(row):
-    """No less than a Gaussian's greatest deviation: the square root of its covariance's Frobenius norm."""
+    """An upper bound on a Gaussian's largest deviation: the square root of its covariance's Frobenius norm."""
     squares = 0.0
     for field in range(L.COV_XX, L.LOG_ALPHA):
         off_diagonal = field == L.COV_XY or field == L.COV_XZ or field == L.COV_YZ

@@ -1,4 +1,4 @@
-"""Puts a scene in Z-order in place: a scene may fill most of the memory."""
+"""Sorts a scene into Z-order, in place because a scene may fill most of the memory."""
 
 # mypy: disable-error-code="no-untyped-def,no-untyped-call,call-arg,var-annotated"
 from __future__ import annotations
@@ -16,23 +16,23 @@ U = np.uint64
 
 
 class Grid(NamedTuple):
-    """The cells that rows are sorted by; see `morton.morton_grid`."""
+    """The cells by which rows are sorted; see `morton.morton_grid`."""
 
     low: NDArray[np.float64]
     scale: float
     axis_bits: int
-    """There are 2^axis_bits cells an axis."""
+    """Binary logarithm of the number of cells per axis."""
 
     @property
     def cell(self) -> float:
-        """A cell's edge, in scene units."""
+        """The length of a cell's edge, in scene units."""
         return 1 / (self.scale * ((1 << self.axis_bits) - 1))
 
 
 def sort_by_place(rows: NDArray[np.float32], sh: NDArray[np.float16]) -> Grid:
-    """Sort rows [N, GEOMETRY], and sh [N, M] with them, so that neighbours in space are neighbours in memory. N > 0.
+    """Sort rows [N, GEOMETRY] and sh [N, M], N > 0, so that neighbours in space are neighbours in memory.
 
-    Takes 8 bytes a Gaussian beside them.
+    Uses 8 additional bytes per Gaussian.
     """
     index_bits = len(rows).bit_length()
     grid = Grid(*morton_grid(rows[:, L.MEAN_X : L.MEAN_X + 3]), min(BITS, (64 - index_bits) // 3))
@@ -46,7 +46,7 @@ def sort_by_place(rows: NDArray[np.float32], sh: NDArray[np.float16]) -> Grid:
 
 @kernel()
 def fill_keys(rows, low, scale, axis_bits, index_bits, keys):
-    """Write each row's Z-order code above the row's own number."""
+    """Write keys with each row's Z-order code in the upper bits and its index in the lower ones."""
     for i in range(rows.shape[0]):
         keys[i] = code_of(rows[i], low, scale, axis_bits) << U(index_bits) | U(i)
 
@@ -65,7 +65,7 @@ def code_of(row, low, scale, axis_bits):
 
 @kernel()
 def reorder(order, rows, sh):
-    """Move row order[i] of both arrays to place i, along each of the permutation's cycles; `order` is used up."""
+    """Move row order[i] of both arrays to place i, along the permutation's cycles. Overwrites `order`."""
     one_row, one_sh = np.empty(rows.shape[1], rows.dtype), np.empty(sh.shape[1], sh.dtype)
     for start in range(order.shape[0]):
         if order[start] == start:

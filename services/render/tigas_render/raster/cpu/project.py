@@ -1,5 +1,5 @@
-"""The first stage: chooses chunks that may be in the picture, at a level of detail, projects their Gaussians to compact
-records of the visible ones, and counts their tiles.
+"""The first stage, which chooses the chunks that may be visible at a level of detail, projects their Gaussians, writes
+compact records of the visible ones, and counts their tiles.
 """
 
 # mypy: disable-error-code="no-untyped-def,no-untyped-call,call-arg,var-annotated"
@@ -18,25 +18,25 @@ from tigas_render.raster.cpu.sh import shade
 
 U, F = np.uint64, np.float32
 REACH = math.sqrt(2 * math.log(1 / ALPHA_MIN)) * 1.01
-"""Standard deviations beyond which even an opaque Gaussian is not drawn, and a little for rounding."""
+"""Standard deviations beyond which even an opaque Gaussian is not drawn, with a margin for rounding."""
 LOG_E = F(math.log2(math.e) * L.ALPHA_SCALE)
-"""Turns sigma into a scaled binary logarithm."""
+"""Factor from a natural to a scaled binary logarithm."""
 TWO_LN_2 = F(2 * math.log(2) / L.ALPHA_SCALE)
 FARTHEST = F(1e7)
-"""Centres farther outside than this many pixels are not drawn: float32 has no fractions of a pixel there."""
+"""Distance in pixels beyond which centres are not drawn, because float32 cannot resolve fractions of a pixel there."""
 
 # log2(1 + x) for -1/3 ≤ x < 1/3 is x p(x); p is a minimax polynomial, to an error of 2e-5.
 L0, L1, L2, L3, L4 = F(1.4427446), F(-0.71988666), F(0.47765657), F(-0.40174732), F(0.33878011)
 TWO_THIRDS = np.uint32(0x3F2AAAAB)
-"""The bits of a float32."""
+"""2/3, as the bits of a float32."""
 
 
 @kernel()
 def choose_chunks(chunks, edges, bounds, view, edge_pixels, chosen):
-    """Write the visible chunks of each node into `chosen`; returns their number.
+    """Write the visible chunks of each node into `chosen`. Returns their number.
 
-    chunks, edges, bounds: see `levels.Nodes`. A node is drawn at its coarsest level whose cells, seen from its nearest
-    corner, have edges of at most edge_pixels; 0 for the full detail.
+    chunks, edges, bounds: see `levels.Nodes`. edge_pixels: each node is drawn at the coarsest level with cell edges no
+    longer than this on screen, at the node's nearest corner; 0 for the full detail.
     """
     count, focal = 0, max(view[L.FX], view[L.FY])
     for node in range(bounds.shape[0]):
@@ -66,10 +66,10 @@ def nearest_depth(bounds, view):
 
 @kernel()
 def is_outside(bounds, view):
-    """Whether no Gaussian within some bounds can be drawn; False when in doubt.
+    """Whether no Gaussian within these bounds can be visible; False if in doubt.
 
-    The centres lie inside the picture of the bounding box, as long as that is in front of the camera. The projected
-    deviation is at most the norm of the projection's derivative times the greatest deviation.
+    The centres are inside the projected bounding box if that is in front of the camera. A projected deviation is at
+    most the norm of the projection's derivative times the largest deviation.
     """
     nearest, farthest = math.inf, -math.inf
     left, right, top, bottom = math.inf, -math.inf, math.inf, -math.inf
@@ -100,14 +100,14 @@ def is_outside(bounds, view):
 
 @kernel(parallel=True)
 def project(geometry, sh, bounds, chosen, view, splats, keys, visible, slices, tile_counts, tiles_x, scratch, turn):
-    """Project the chosen chunks, shade what is visible, and count tiles.
+    """Project the chosen chunks, shade their visible Gaussians, and count tiles.
 
-    geometry, sh: flat packed scene; bounds [chunks, BOUNDS]; chosen [C]: chunks; view [VIEW].
-    splats: flat [C · CHUNK · RECORD], a chosen chunk's visible Gaussians at its own place.
-    keys [C · CHUNK + AHEAD]: of each splat, the bits of its depth << 32 | the box of its tiles.
-    visible [C]: their number. slices [S + 1]: chosen chunks are handed to threads in these runs.
-    tile_counts [S, tiles]: how many splats of a slice touch each tile.
-    scratch [threads, USED · CHUNK]; turn [1]: the next slice, 0 at first.
+    geometry, sh: the packed scene, flat. bounds [chunks, BOUNDS]. chosen [C]: chunks. view [VIEW].
+    splats: flat [C · CHUNK · RECORD], with each chosen chunk's visible Gaussians at the chunk's place.
+    keys [C · CHUNK + AHEAD]: for each splat, the bits of its depth << 32 | the box of its tiles.
+    visible [C]: number of splats in each chosen chunk. slices [S + 1]: runs of chosen chunks, handed out to threads.
+    tile_counts [S, tiles]: number of a slice's splats that touch each tile.
+    scratch [threads, USED · CHUNK]. turn [1]: the next slice, initially 0.
     """
     coefficients = sh.shape[0] // max(1, bounds.shape[0] * L.CHUNK * 3)
     for thread in prange(scratch.shape[0]):
@@ -130,10 +130,9 @@ def project(geometry, sh, bounds, chosen, view, splats, keys, visible, slices, t
 
 @kernel()
 def project_chunk(geometry, start, view, out):
-    """EWA projection of one chunk into `out` [USED · CHUNK], one row per field; COLUMNS is 0 for invisible
-    Gaussians.
+    """EWA projection of one chunk into `out` [USED · CHUNK], one row per field. COLUMNS is 0 for invisible Gaussians.
 
-    One array in, one out, unsigned indices and no branches: this makes it vectorise.
+    One input, one output, unsigned indices and no branches, so that it vectorises.
     """
     r00, r01, r02 = F(view[0]), F(view[1]), F(view[2])
     r10, r11, r12 = F(view[3]), F(view[4]), F(view[5])
@@ -208,7 +207,7 @@ def project_chunk(geometry, start, view, out):
 
 @kernel(inline=True)
 def log2(x):
-    """The binary logarithm of a positive float32; exactly 0 of 1. It vectorises, which numpy's does not."""
+    """The binary logarithm of a positive float32, exactly 0 for 1. It vectorises, unlike NumPy's."""
     exponent = np.int32(bits_of(x) - TWO_THIRDS) >> np.int32(23)
     fraction = float_of(np.uint32(bits_of(x) - np.uint32(exponent << np.int32(23)))) - F(1)
     return F(exponent) + fraction * (L0 + fraction * (L1 + fraction * (L2 + fraction * (L3 + fraction * L4))))
@@ -216,7 +215,7 @@ def log2(x):
 
 @kernel()
 def keep_visible(geometry, start, sh, sh_start, coefficients, view, projected, splats, keys, into, counts, tiles_x):
-    """Shade a projected chunk's visible Gaussians and write their records from splats[into]; gives their number."""
+    """Shade a projected chunk's visible Gaussians, and write their records from splats[into]. Returns their number."""
     eye = (F(view[L.EYE]), F(view[L.EYE + 1]), F(view[L.EYE + 2]))
     at = into
     for lane0 in range(0, L.CHUNK, L.LANES):

@@ -1,4 +1,4 @@
-"""Drives the stages of the CPU rasteriser: choose, project, bin, sort, blend."""
+"""The CPU rasteriser, which drives the stages: choose, project, bin, sort and blend."""
 
 from __future__ import annotations
 
@@ -31,23 +31,23 @@ from tigas_render.raster.cpu.scene import CpuScene, pack
 from tigas_render.raster.host_image import FramebufferPool, HostImage
 
 SLICES_PER_THREAD = 8
-"""Pieces of work per thread while projecting and binning: enough to even out, few enough to count tiles in each."""
+"""Slices of work per thread for projecting and binning: enough to balance the load, few enough to count tiles."""
 PAUSE_EVERY_S = 0.003
-"""How long is drawn between two pauses, in seconds: much shorter, and the cores wait for each other too often."""
+"""Seconds of drawing between two pauses; if it were much shorter, the cores would wait for each other too often."""
 CACHE_LINE = 64
-"""Bytes."""
+"""Size of a cache line in bytes."""
 MAX_ENTRIES = 1 << 24
-"""Entries of tile lists held at once: a frame with more is drawn in several bands, so that memory stays bounded."""
+"""Maximum number of tile list entries held at once. A frame with more is drawn in several bands, to bound memory."""
 
 
 class Workspace:
-    """Named one-dimensional buffers; asking for more than there is makes a buffer half again as large, content lost."""
+    """Named one-dimensional buffers, which grow by at least half of their size and lose their content then."""
 
     def __init__(self) -> None:
         self._buffers: dict[str, NDArray[Any]] = {}
 
     def get(self, name: str, size: int, dtype: DTypeLike) -> NDArray[Any]:
-        """The first `size` items of the buffer `name`, aligned to a cache line; not cleared."""
+        """The first `size` items of the buffer `name`, aligned to a cache line and not cleared."""
         buffer = self._buffers.get(name)
         if buffer is None or buffer.size < size:
             buffer = _aligned(max(size, 3 * buffer.size // 2 if buffer is not None else 0), np.dtype(dtype))
@@ -63,7 +63,7 @@ def _aligned(size: int, dtype: np.dtype[Any]) -> NDArray[Any]:
 
 @dataclass(slots=True)
 class FrameJob:
-    """One frame on its way through the stages: views of the rasteriser's buffers."""
+    """A frame on its way through the stages, as views of the rasteriser's buffers."""
 
     scene: CpuScene
     image: HostImage
@@ -83,22 +83,22 @@ class FrameJob:
     """See `blend.write_cells`; None without depth."""
     begin: int = 0
     end: int = 0
-    """The tiles that are being listed, sorted and drawn are begin … end - 1; those before are finished."""
+    """Tiles begin … end - 1 are being listed, sorted and drawn; earlier tiles are finished."""
     entries: NDArray[np.uint64] = field(default_factory=lambda: np.empty(0, np.uint64))
     in_order: NDArray[np.uint64] = field(default_factory=lambda: np.empty(0, np.uint64))
 
 
 class CpuRasterizer(Rasterizer):
-    """Renders on all the cores that Numba may use (NUMBA_NUM_THREADS). Render from one thread at a time."""
+    """Renders on all cores that Numba may use (NUMBA_NUM_THREADS). Call `render` from one thread at a time."""
 
     device = "cpu"
     makes_webp = True
-    frames_in_flight = 3  # one is rendered and one encoded, even during another client's large picture
+    frames_in_flight = 3  # one is rendered and one encoded, even while another client's large image is encoded
 
     def __init__(self) -> None:
         self._threads: int = numba.get_num_threads()
         self._workspace, self._other_workspace = Workspace(), Workspace()
-        """A frame that is rendered while another pauses has its own."""
+        """The workspaces of a frame, and of another frame that is rendered while the first one pauses."""
         self._pool = FramebufferPool()
         self._turn = np.zeros(1, np.int64)
 
@@ -114,9 +114,9 @@ class CpuRasterizer(Rasterizer):
         *,
         depth: bool = False,
     ) -> HostImage:
-        """Render one view into a framebuffer of the pool; closing the image gives it back.
+        """Render one view into a framebuffer of the pool, to which closing the image returns it.
 
-        A large scene is drawn at a level of detail that a picture's pixels can show, unless all of it is requested.
+        A large scene is drawn at the level of detail that the image's pixels can show, unless full detail is requested.
         """
         assert isinstance(scene, CpuScene)
         job = self.start(scene, camera, 0.0 if camera.full_detail else EDGE_PIXELS, depth=depth)
@@ -133,7 +133,7 @@ class CpuRasterizer(Rasterizer):
         return job.image
 
     def _blend_with_pauses(self, job: FrameJob, pause: Pause) -> None:
-        """As `blend`, some rows of tiles at a time."""
+        """Like `blend`, but a few rows of tiles at a time."""
         end, tiles = job.end, job.tiles_x
         while job.begin < end:
             self._workspace, self._other_workspace = self._other_workspace, self._workspace
@@ -152,14 +152,12 @@ class CpuRasterizer(Rasterizer):
         for depth in (False, True):
             self.render(self.prepare(one_gaussian()), camera, depth=depth).close()
 
-    # The stages, in their order; benchmarks time them one by one.
+    # The stages, in order. Benchmarks time them one by one.
 
     def start(
         self, scene: CpuScene, camera: Camera, edge_pixels: float = EDGE_PIXELS, *, depth: bool = False
     ) -> FrameJob:
-        """Choose the visible part of a scene, and lay out the buffers of one frame. edge_pixels: see
-        `choose_chunks`.
-        """
+        """Choose the visible part of a scene, and allocate a frame's buffers. edge_pixels: see `choose_chunks`."""
         k, get = camera.intrinsics, self._workspace.get
         view = get("view", L.VIEW, np.float64)
         L.fill_view(camera, scene.antialiased, view)
@@ -188,7 +186,7 @@ class CpuRasterizer(Rasterizer):
         return job
 
     def _choose(self, scene: CpuScene, view: NDArray[np.float64], edge_pixels: float) -> NDArray[np.int64]:
-        """The visible chunks; with less detail if there are too many, unless full detail is requested."""
+        """The visible chunks, with less detail if there are too many, unless full detail is requested."""
         nodes, chosen = scene.nodes, self._workspace.get("chosen", len(scene.bounds), np.int64)
         while True:
             count = choose_chunks(nodes.chunks, nodes.edges, nodes.bounds, view, edge_pixels, chosen)
@@ -197,7 +195,7 @@ class CpuRasterizer(Rasterizer):
             edge_pixels *= 1.2
 
     def project(self, job: FrameJob) -> None:
-        """Cull, project, shade, and count the tiles that each Gaussian touches."""
+        """Cull, project and shade Gaussians, and count the tiles that each one touches."""
         scene, projected = job.scene, self._per_thread("projected", L.USED * L.CHUNK, np.float32)
         project(
             scene.geometry.reshape(-1), scene.sh.reshape(-1).view(np.uint16), scene.bounds, job.chosen, job.view,
@@ -205,7 +203,7 @@ class CpuRasterizer(Rasterizer):
         )  # fmt: skip
 
     def bin(self, job: FrameJob) -> None:
-        """List the Gaussians of each tile, from the first unfinished tile on, as far as the buffers may grow."""
+        """List the Gaussians of each tile, from the first unfinished tile on, up to MAX_ENTRIES."""
         job.begin = job.end
         job.end = place_lists(job.tile_counts, job.begin, MAX_ENTRIES, job.starts)
         total = int(job.starts[job.end])
@@ -237,7 +235,7 @@ class CpuRasterizer(Rasterizer):
 
 
 def _depth(cells: NDArray[np.float32], width: int, height: int) -> NDArray[np.float32]:
-    """The inverse depth of a picture, from its cells."""
+    """The inverse depth of an image, from its cells."""
     columns, rows = depth_size(width, height)
     means = np.empty((rows, columns, 2), np.float32)
     average_cells(cells, width, height, means)

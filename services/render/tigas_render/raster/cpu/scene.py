@@ -1,4 +1,4 @@
-"""Packs a scene for the CPU: neighbours in space become neighbours in memory, in chunks that are culled as one."""
+"""Packs a scene for the CPU, in chunks of neighbouring Gaussians that are culled together."""
 
 # mypy: disable-error-code="no-untyped-def,no-untyped-call,call-arg,var-annotated"
 from __future__ import annotations
@@ -18,7 +18,7 @@ from tigas_render.raster.cpu.order import sort_by_place
 
 Floats = NDArray[np.float32]
 HALF_MAX = 65504.0
-"""The greatest float16."""
+"""The largest float16."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,14 +30,14 @@ class CpuScene(PreparedScene):
     sh: NDArray[np.float16]
     """[chunks · CHUNK / LANES, K · 3, LANES] coefficients, times the constants of their basis functions.
 
-    Half precision is ample: an error of 1/2048 of a coefficient is far below one step of an 8-bit colour.
+    Half precision suffices, because an error of 1/2048 of a coefficient is far below one step of an 8-bit colour.
     """
     bounds: NDArray[np.float64]
     """[chunks, BOUNDS]"""
     nodes: Nodes
-    """Which chunks are drawn from near by, and which from afar."""
+    """The chunks of each node at each level of detail."""
     antialiased: bool
-    """As Gaussians have it."""
+    """Whether the scene was trained with Mip-Splatting's 2D filter."""
 
     @property
     def nbytes(self) -> int:
@@ -45,14 +45,14 @@ class CpuScene(PreparedScene):
 
 
 def pack(scene: Batches) -> CpuScene:
-    """Pack a scene. Gaussians that are too transparent to be drawn, or nowhere, are left out.
+    """Pack a scene, without Gaussians that are too transparent to be drawn or have no finite position.
 
-    Memory beyond the packed scene is that of a batch, and 8 bytes a Gaussian. One core does it all, so that frames of
-    other scenes have the others.
+    Uses the memory of a batch and 8 bytes per Gaussian beyond the packed scene. Runs on one core, and leaves the others
+    to the frames of other scenes.
     """
     first = next(scene.parts)
     most, coefficients = room(scene.most) * L.CHUNK, first.sh.shape[1]
-    # Gaussian by Gaussian, until they are in order; the system allocates no memory for unwritten pages
+    # one row per Gaussian, until they are sorted; the system allocates no memory for unwritten pages
     rows = np.empty((most, L.GEOMETRY), np.float32)
     sh = np.empty((most, coefficients * 3), np.float16)
     constants = np.array(BASIS_CONSTANTS[:coefficients], np.float32)[:, None]
@@ -84,7 +84,7 @@ def pack(scene: Batches) -> CpuScene:
 
 @kernel()
 def describe(chosen, means, scales, quaternions, opacities, rows):
-    """Fill rows [len(chosen), GEOMETRY] from the Gaussians chosen[...]: Σ = R S Sᵀ Rᵀ, as in 3DGS."""
+    """Fill rows [len(chosen), GEOMETRY] from the chosen Gaussians, with Σ = R S Sᵀ Rᵀ, as in 3DGS."""
     for number in range(chosen.shape[0]):
         i = chosen[number]
         into = rows[number]
@@ -106,8 +106,8 @@ def describe(chosen, means, scales, quaternions, opacities, rows):
 
 @kernel()
 def lay_out(rows, sh, bounds):
-    """Lay out each chunk of rows [chunks · CHUNK, GEOMETRY] and sh [chunks · CHUNK, 3 · K] in CpuScene's form, in
-    place, and fill its bounds.
+    """Rearrange each chunk of rows [chunks · CHUNK, GEOMETRY] and sh [chunks · CHUNK, 3 · K] in place to the layout of
+    CpuScene, and fill its bounds.
     """
     geometry = np.empty((L.GEOMETRY, L.CHUNK), np.float32)
     group = np.empty((sh.shape[1], L.LANES), np.uint16)

@@ -11,18 +11,18 @@ from tigas_render.raster.cpu.kernel import kernel, prefetch, widen
 U, F = np.uint64, np.float32
 CACHE_LINE_HALVES = 32
 GROUPS_AHEAD = 2
-"""Coefficients are prefetched this many groups of LANES ahead."""
+"""Number of groups of LANES Gaussians to prefetch ahead."""
 BRIGHTEST = F(1e9)
-"""Bounds colours, so that no sum of them overflows."""
+"""Maximum colour value, so that no sum of colours overflows."""
 
 
 @kernel()
 def shade(geometry, start, eye, sh, group, coefficients, lane0, out):
-    """Write the colours of LANES Gaussians of a chunk, 0 at least, into lanes from lane0 of `out` [USED · CHUNK].
+    """Write the colours, at least 0, of LANES Gaussians of a chunk into `out` [USED · CHUNK] from lane0 on.
 
-    geometry, sh: flat; `start` and `group` are where the chunk's geometry and the lanes' coefficients begin.
-    eye: the camera's centre [3]. A loop for each degree: a branch within would be vectorised to masked loads, which
-    cost twice as much; the processor's own prefetching falls short here, too.
+    geometry, sh: flat. start, group: offsets of the chunk's geometry and of the lanes' coefficients. eye: the camera's
+    position [3]. Each degree has its own loop, because a branch inside it would be vectorised to masked loads, which
+    cost twice as much. Coefficients are prefetched, because the processor's own prefetching falls short here.
     """
     floats = U(coefficients * 3 * L.LANES)
     for ahead in range(U(0), floats, U(CACHE_LINE_HALVES)):
@@ -49,7 +49,7 @@ def shade(geometry, start, eye, sh, group, coefficients, lane0, out):
 
 @kernel(inline=True)
 def direction(geometry, at, eye):
-    """Unit vector from the camera to a Gaussian."""
+    """The unit vector from the camera to a Gaussian."""
     x, y, z = geometry[at] - eye[0], geometry[at + U(L.CHUNK)] - eye[1], geometry[at + U(2 * L.CHUNK)] - eye[2]
     inverse = F(1) / np.sqrt(x * x + y * y + z * z)
     return x * inverse, y * inverse, z * inverse
@@ -57,7 +57,7 @@ def direction(geometry, at, eye):
 
 @kernel(inline=True)
 def store(out, lane, colour):
-    """Write a colour, bounded, into a lane of `out`."""
+    """Write a colour into a lane of `out`, clamped to 0 … BRIGHTEST."""
     out[U(L.RED * L.CHUNK) + lane] = min(max(colour[0], F(0)), BRIGHTEST)
     out[U(L.GREEN * L.CHUNK) + lane] = min(max(colour[1], F(0)), BRIGHTEST)
     out[U(L.BLUE * L.CHUNK) + lane] = min(max(colour[2], F(0)), BRIGHTEST)
@@ -76,13 +76,13 @@ def add(sh, at, number, colour, basis):
 
 @kernel(inline=True)
 def degree0(sh, at):
-    """The colour without its dependence on the direction."""
+    """The view-independent colour."""
     return add(sh, at, 0, (F(0.5), F(0.5), F(0.5)), F(1))
 
 
 @kernel(inline=True)
 def degree1(sh, at, colour, x, y, z):
-    """A colour plus the part that varies with the direction (x, y, z) once around."""
+    """A colour plus the first degree, in the direction (x, y, z)."""
     colour = add(sh, at, 1, colour, y)
     colour = add(sh, at, 2, colour, z)
     return add(sh, at, 3, colour, x)

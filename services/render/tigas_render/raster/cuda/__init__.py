@@ -1,1 +1,1 @@
-"""The CUDA tile rasteriser: `rasterizer` drives it, `kernels` holds the CUDA C++, compiled when it is first used."""
+"""The CUDA tile rasteriser. `rasterizer` drives it; `kernels` has the CUDA C++, which is compiled on first use."""

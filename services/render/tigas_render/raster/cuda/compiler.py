@@ -1,4 +1,4 @@
-"""Compiles the CUDA C++ in `kernels` through NVRTC, once for each architecture, and keeps the result on disk."""
+"""Compiles the CUDA C++ in `kernels` with NVRTC, once per architecture, and caches the result on disk."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ if TYPE_CHECKING:
     from cuda.core import Device, Kernel, LaunchConfig, ObjectCode
 
 KERNELS = Path(__file__).parent / "kernels"
-"""Directory of the sources: `.cu` files have kernels, `.cuh` files shared code."""
+"""Directory of the sources: kernels in `.cu` files, and shared code in `.cuh` files."""
 MAX_RANGES = 1024
-"""As in frame.cuh."""
+"""Maximum number of blocks of the kernel `begin`, as in frame.cuh."""
 
 
 @dataclass(frozen=True, slots=True)
 class Stage:
-    """One kernel of a frame and how it is launched. Every grid is as large as the device can hold at once."""
+    """A kernel of a frame, and its launch configuration. Every grid fits on the device at once."""
 
     name: str
     kernel: Kernel
@@ -29,9 +29,9 @@ class Stage:
 
 
 def load_kernels(arch: str, cache: Path) -> ObjectCode:
-    """The kernels for an architecture such as `sm_90`, from the cache directory if they are there, else compiled.
+    """Load the kernels for an architecture such as `sm_90` from the cache directory, or compile and cache them.
 
-    Raises RuntimeError, from cuda.core, if the sources do not compile. A cache that cannot be written is no error.
+    Raises cuda.core's RuntimeError if the sources do not compile. It is not an error if the cache cannot be written.
     """
     from cuda.core import ObjectCode
 
@@ -45,7 +45,7 @@ def load_kernels(arch: str, cache: Path) -> ObjectCode:
 
 
 def compile_kernels(arch: str) -> bytes:
-    """Machine code for an architecture; needs no GPU."""
+    """Compile the kernels to machine code for an architecture. Does not need a GPU."""
     from cuda.core import Program, ProgramOptions
 
     units = "".join(f'#include "{path.name}"\n' for path in sorted(KERNELS.glob("*.cu")))
@@ -54,15 +54,15 @@ def compile_kernels(arch: str) -> bytes:
 
 
 def cached_path(arch: str, cache: Path) -> Path:
-    """Where the machine code is kept: another source or architecture has another name."""
-    digest = hashlib.sha256(Path(__file__).read_bytes())  # the options are sources too
+    """The cache file of the machine code, with a name that depends on the architecture and the sources."""
+    digest = hashlib.sha256(Path(__file__).read_bytes())  # this file has the compiler options
     for path in sorted(KERNELS.iterdir()):
         digest.update(path.name.encode() + b"\0" + path.read_bytes())
     return cache / f"cuda-{arch}-{digest.hexdigest()[:16]}.cubin"
 
 
 def make_stages(device: Device, kernels: dict[str, Kernel], side: int) -> tuple[Stage, ...]:
-    """The kernels of a frame, for tiles of one size."""
+    """The kernels of a frame in order, for tiles of this side length in pixels."""
     from cuda.core import LaunchConfig
 
     processors = device.properties.multiprocessor_count

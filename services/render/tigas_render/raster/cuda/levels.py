@@ -1,10 +1,10 @@
 """Coarser levels of a large scene: a tree of chunks, built on the device.
 
-Every four neighbouring chunks have a parent, a chunk in which the Gaussians that share a small cell of space are one,
-and parents have parents, up to a single root. Cells are the Z-order's, halved axis by axis, as small as a chunk has
-room for. Only Gaussians smaller than a cell are merged, so that a chunk differs from the full detail by no more than a
-cell's edge. `begin.cu` draws each chunk whose edge is short on screen while its parent's is not. The maths of merging
-is that of `cpu.levels.merge`.
+Every four neighbouring chunks have a parent, a chunk in which the Gaussians in the same small cell of space are merged
+into one. Parents have parents in turn, up to a single root. Cells are those of the Z-order, halved axis by axis, and as
+small as a chunk has room for. Only Gaussians smaller than a cell are merged, so a chunk differs from the full detail by
+at most a cell's edge. `begin.cu` draws each chunk with an edge that is short on screen, unless its parent's is as well.
+Gaussians are merged as in `cpu.levels.merge`.
 """
 
 from __future__ import annotations
@@ -21,25 +21,25 @@ from tigas_render.raster.cuda.scene import CHUNK, CudaScene, Grid, opacities
 from tigas_render.raster.morton import BITS
 
 FROM = 1 << 20
-"""Number of Gaussians from which scenes have levels."""
+"""Minimum number of Gaussians for a scene to have levels."""
 FAN_OUT = 4
-"""Chunks that a parent stands for."""
+"""Number of chunks per parent."""
 EDGE_PIXELS = 0.5
-"""How long a cell's edge may be on screen. At 0.7, a walk through 108 million had 44.5 dB instead of 52.6."""
+"""Maximum length of a cell's edge on screen. At 0.7, a walk through 108 million Gaussians had 44.5 dB, not 52.6."""
 PARENTS_AT_ONCE = 2048
-"""Two million Gaussians, which take about a gigabyte of intermediate results."""
+"""Number of parents filled together, from two million Gaussians with about a gigabyte of intermediate results."""
 NEVER = math.inf
-"""The edge of a parent that has no room for its children's Gaussians; they are drawn from everywhere."""
+"""The edge of a parent without room for its children's Gaussians, which are then drawn at any distance."""
 DEVIATION, EDGE, PARENT = 4, 5, 6
-"""Fields of a chunk's bounds, after centre and radius; `begin.cu` says the same."""
+"""Fields of a chunk's bounds, after centre and radius, as in `begin.cu`."""
 ROTATIONS = 5 * ((0, 1), (0, 2), (1, 2))
-"""Pairs of axes: five sweeps diagonalise a 3 × 3 matrix to double precision."""
+"""Pairs of axes to rotate: five sweeps diagonalise a 3 × 3 matrix to double precision."""
 LEAST_AREA = 1e-60
-"""So that weights of Gaussians without any extent can be divided by their sum."""
+"""Minimum area, so that the weights of Gaussians without any extent can be divided by their sum."""
 
 
 def level_sizes(leaves: int, count: int) -> list[int]:
-    """How many chunks each level has, from the full detail on, for `count` Gaussians in `leaves` chunks."""
+    """Number of chunks at each level, starting with the full detail, for `count` Gaussians in `leaves` chunks."""
     sizes = [leaves]
     while count >= FROM and sizes[-1] > 1:
         sizes.append(-(-sizes[-1] // FAN_OUT))
@@ -47,10 +47,10 @@ def level_sizes(leaves: int, count: int) -> list[int]:
 
 
 def add_levels(scene: CudaScene, sizes: list[int], grid: Grid, check: Callable[[], None]) -> None:
-    """Write the coarser levels behind the full detail.
+    """Write the coarser levels after the full detail.
 
-    scene: has room for them, filled with zeros; sizes: from `level_sizes`; check: called at intervals, raises to end
-    the work.
+    scene: with room for them, filled with zeros. sizes: from `level_sizes`. check: called regularly, and may raise an
+    error to abort.
     """
     begins = list(itertools.accumulate(sizes, initial=0))
     shifts = torch.zeros(begins[-1], dtype=torch.int64, device=scene.means.device)
@@ -64,7 +64,7 @@ def add_levels(scene: CudaScene, sizes: list[int], grid: Grid, check: Callable[[
 
 
 def _add_parents(scene: CudaScene, grid: Grid, shifts: torch.Tensor, children: slice, parents: slice) -> None:
-    """Fill the chunks `parents` from the chunks `children`. shifts: of all chunks' cells; -1 without any."""
+    """Fill the chunks `parents` from the chunks `children`. shifts: of all chunks' cells; -1 for no cells."""
     slots = scene.shapes[children.start * CHUNK : children.stop * CHUNK, 3].nonzero().squeeze(1)
     group = slots // (FAN_OUT * CHUNK)
     slots += children.start * CHUNK
@@ -95,17 +95,17 @@ def _add_parents(scene: CudaScene, grid: Grid, shifts: torch.Tensor, children: s
 
 
 class Finer(NamedTuple):
-    """The Gaussians of some chunks, in the order of their codes; N of them."""
+    """N unpacked Gaussians of a finer level, in the order of their Z-order codes."""
 
     means: torch.Tensor
-    """Float64 [N, 3]."""
+    """float64 [N, 3]."""
     covariances: torch.Tensor
-    """Float64 [N, 6]: xx, xy, xz, yy, yz, zz."""
+    """float64 [N, 6]: xx, xy, xz, yy, yz, zz."""
     opacities: torch.Tensor
-    """Float64 [N]."""
+    """float64 [N]."""
     codes: torch.Tensor
     sizes: torch.Tensor
-    """No less than a Gaussian's greatest deviation; infinity outside the grid."""
+    """Upper bounds on the Gaussians' largest deviations; infinite outside the grid."""
 
     @classmethod
     def unpacked(cls, scene: CudaScene, slots: torch.Tensor, grid: Grid) -> Finer:
@@ -120,16 +120,16 @@ class Finer(NamedTuple):
 
 
 def edges(shift: torch.Tensor, cell: float) -> torch.Tensor:
-    """Float64: the longest edge of a cell that has `shift` bits of the Z-order's code less than the grid's own."""
+    """float64: the longest edge of a cell with `shift` fewer bits in its Z-order code than the grid's own cells."""
     return torch.where(shift < 0, NEVER, cell * torch.exp2((shift.double() / 3).ceil()))
 
 
 def shifts_for(
     most: int, group: torch.Tensor, codes: torch.Tensor, sizes: torch.Tensor, cell: float, least: torch.Tensor
 ) -> torch.Tensor:
-    """The shift [G] of each group's smallest cells which leave at most `most` Gaussians; -1 if none do.
+    """The shift [G] of each group's smallest cells that leave at most `most` Gaussians; -1 if no cells do.
 
-    group [N]: in rising order; least [G]: the least shift of each group; cell: the edge of the grid's own cells.
+    group [N]: in ascending order. least [G]: minimum shift of each group. cell: the edge of the grid's own cells.
     """
     found = torch.full_like(least, -1)
     ends = torch.bincount(group, minlength=len(least)).cumsum(0)
@@ -147,7 +147,7 @@ def shifts_for(
 
 
 def _members(group: torch.Tensor, cells: torch.Tensor, small: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-    """Indices of the small ones, and which of those is the first of its cell."""
+    """Indices of the small Gaussians, and whether each of them is the first in its cell."""
     member = small.nonzero().squeeze(1)
     cells, group = cells[member], group[member]
     first = torch.ones_like(member, dtype=torch.bool)
@@ -156,13 +156,13 @@ def _members(group: torch.Tensor, cells: torch.Tensor, small: torch.Tensor) -> t
 
 
 def _lengths(first: torch.Tensor) -> torch.Tensor:
-    """Of runs, from which of the members are the first of theirs."""
+    """Lengths of runs. first: whether each member is the first of its run."""
     begins = first.nonzero().squeeze(1)
     return begins.diff(append=begins.new_full((1,), len(first)))
 
 
 def _at_groups(values: torch.Tensor, group: torch.Tensor, groups: int) -> torch.Tensor:
-    """The value of each group's first element, in rising order of groups; anything for empty ones."""
+    """The value of each group's first element, in ascending order of groups; undefined for empty groups."""
     begins = torch.searchsorted(group, torch.arange(groups, device=group.device))
     return values[begins.clamp_max(len(values) - 1)] if len(values) else begins
 
@@ -176,7 +176,7 @@ def _copy(scene: CudaScene, source: torch.Tensor, into: torch.Tensor) -> None:
 def _write_merged(
     scene: CudaScene, slots: torch.Tensor, finer: Finer, lengths: torch.Tensor, into: torch.Tensor, blur: torch.Tensor
 ) -> None:
-    """Write each run of Gaussians as one."""
+    """Merge each run of Gaussians and write the results."""
     if not len(into):
         return
     means, covariances, opacity, weights = merge(finer.means, finer.covariances, finer.opacities, lengths, blur)
@@ -191,9 +191,9 @@ def _write_merged(
 def merge(
     means: torch.Tensor, covariances: torch.Tensor, opacities: torch.Tensor, lengths: torch.Tensor, blur: torch.Tensor
 ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
-    """Means [R, 3], covariances [R, 6] and opacities [R] of R runs of Gaussians, and the weights [N] of their colours.
+    """Merge R runs of Gaussians to means [R, 3], covariances [R, 6] and opacities [R]; also gives colour weights [N].
 
-    blur [N]: added to variances where areas are compared. See `cpu.levels.merge`.
+    blur [N]: added to variances when areas are compared. See `cpu.levels.merge`.
     """
     run = torch.repeat_interleave(lengths)
     covered = opacities * _area(covariances, blur)
@@ -208,7 +208,7 @@ def merge(
 
 
 def _area(covariances: torch.Tensor, blur: torch.Tensor) -> torch.Tensor:
-    """Area of ellipsoids' projections, up to a factor; see `cpu.levels.area`."""
+    """Mean area of ellipsoids' projections, up to a factor; see `cpu.levels.area`."""
     xx, xy, xz, yy, yz, zz = covariances.unbind(1)
     xx, yy, zz = xx + blur, yy + blur, zz + blur
     squared = xx * yy - xy * xy + yy * zz - yz * yz + zz * xx - xz * xz
@@ -216,12 +216,12 @@ def _area(covariances: torch.Tensor, blur: torch.Tensor) -> torch.Tensor:
 
 
 def _reduce(values: torch.Tensor, by: str, lengths: torch.Tensor) -> torch.Tensor:
-    """Values [N, ...] reduced over runs, in their order: the same again on every occasion, unlike with atomics."""
+    """Reduce values [N, ...] over runs, in order, so that the result is deterministic, unlike with atomics."""
     return torch.segment_reduce(values, by, lengths=lengths, axis=0, unsafe=True)
 
 
 def eigen(covariances: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-    """Eigenvalues [N, 3], and a rotation [N, 3, 3] with the eigenvectors as columns, by Jacobi's method.
+    """Eigenvalues [N, 3], and rotations [N, 3, 3] with the eigenvectors as columns, by Jacobi's method.
 
     torch.linalg.eigh takes a hundred times as long for millions of small matrices.
     """
@@ -243,7 +243,7 @@ def eigen(covariances: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
 
 
 def rotations(quaternions: torch.Tensor) -> torch.Tensor:
-    """Matrices [N, 3, 3] of quaternions [N, 4] of any length."""
+    """Rotation matrices [N, 3, 3] of quaternions [N, 4] of any length."""
     w, x, y, z = torch.nn.functional.normalize(quaternions, dim=1).unbind(1)
     rows = (
         (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
@@ -254,9 +254,9 @@ def rotations(quaternions: torch.Tensor) -> torch.Tensor:
 
 
 def quaternions(rotation: torch.Tensor) -> torch.Tensor:
-    """Quaternions [N, 4], w first, of rotations [N, 3, 3]; not of length one."""
+    """Quaternions [N, 4], w first and not normalised, of rotations [N, 3, 3]."""
     (a, b, c), (d, e, f), (g, h, i) = (row.unbind(1) for row in rotation.unbind(1))
-    # four times the quaternion's product with itself: its row with the greatest diagonal is the most accurate
+    # four times the quaternion's outer product with itself, of which the row with the largest diagonal is most accurate
     rows = (
         (1 + a + e + i, h - f, c - g, d - b),
         (h - f, 1 + a - e - i, b + d, c + g),
@@ -269,10 +269,10 @@ def quaternions(rotation: torch.Tensor) -> torch.Tensor:
 
 
 def _bound(scene: CudaScene, children: slice, parents: slice, edge: torch.Tensor) -> None:
-    """Fill the parents' bounds, and make them known to the children.
+    """Fill the parents' bounds, and link the children to them.
 
-    A parent's sphere holds its children's, and its edge is longer than theirs, with a margin for the kernel's rounding:
-    whenever a parent is fine enough, so are they.
+    A parent's sphere contains its children's spheres, and its edge is longer than theirs, with a margin for rounding in
+    the kernel. So whenever a parent is fine enough, its children are as well.
     """
     below, above = scene.bounds[children], scene.bounds[parents]
     family = _families(below.double(), below[-1].double())
@@ -289,7 +289,7 @@ def _bound(scene: CudaScene, children: slice, parents: slice, edge: torch.Tensor
 
 
 def _families(of_children: torch.Tensor, filler: torch.Tensor | int) -> torch.Tensor:
-    """[parents, FAN_OUT, ...] of [children, ...]; the last parent may have fewer children."""
+    """Reshape [children, ...] to [parents, FAN_OUT, ...], padded with `filler` for the last parent."""
     missing = -len(of_children) % FAN_OUT
     rest = torch.zeros_like(of_children[:1]) + filler
     whole = torch.cat([of_children, rest.expand(missing, *rest.shape[1:])])

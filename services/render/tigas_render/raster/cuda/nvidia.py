@@ -1,6 +1,6 @@
-"""The few functions of NVIDIA's driver and of nvJPEG that frames need, through ctypes.
+"""The functions of NVIDIA's driver and of nvJPEG that frames need, through ctypes.
 
-nvJPEG comes from the wheel nvidia-nvjpeg (or a CUDA toolkit). Called directly it took 0.13 ms for a picture of
+nvJPEG comes with the wheel nvidia-nvjpeg (or a CUDA toolkit). Calling it directly took 0.13 ms for an image of
 1280 × 720, 0.05 ms less than through torchvision or nvImageCodec.
 """
 
@@ -20,13 +20,13 @@ DRIVER = "libcuda.so.1"
 BLOCKING_SYNC = 4
 """CU_CTX_SCHED_BLOCKING_SYNC."""
 CSS_420, CSS_GRAY = 2, 6
-"""nvjpegChromaSubsampling_t: one chroma sample for four pixels, and none."""
+"""nvjpegChromaSubsampling_t: one chroma sample for four pixels, and no chroma."""
 ALLOCATOR_FAILURE = 5
-"""nvjpegStatus_t: no memory."""
+"""nvjpegStatus_t: out of memory."""
 
 
 class DriverError(CallError):
-    """A call failed, with CUresult."""
+    """A failed driver call. The status is a CUresult."""
 
     def __init__(self, function: str, status: int) -> None:
         super().__init__(function, status)
@@ -34,10 +34,10 @@ class DriverError(CallError):
 
 
 def wait_asleep(index: int) -> None:
-    """Let threads sleep while they wait for a device, before anything else uses it.
+    """Let threads sleep while they wait for a device. Call it before anything else uses the device.
 
-    By default they spin, and take processors from the threads that serve viewers. A context that exists already may
-    keep its way.
+    By default threads spin, which takes processors away from the threads that serve viewers. Contexts that exist
+    already may not be affected.
     """
     library = ctypes.CDLL(DRIVER)
     library.cuInit(0)
@@ -45,7 +45,7 @@ def wait_asleep(index: int) -> None:
 
 
 def driver_call(name: str, *arguments: int) -> Call:
-    """A call for later."""
+    """Prepare a call of a driver function."""
     return Call(_driver_function(name), arguments, DriverError)
 
 
@@ -55,7 +55,7 @@ def _driver_function(name: str) -> Any:
 
 
 class NvJpegError(CallError):
-    """A call failed, with nvjpegStatus_t."""
+    """A failed nvJPEG call. The status is an nvjpegStatus_t."""
 
 
 class _Planes(ctypes.Structure):
@@ -80,7 +80,7 @@ _FUNCTIONS: dict[str, tuple[type, ...]] = {
 
 
 class NvJpeg:
-    """The library, with a handle for the device that is current when it is made. Safe to use from any thread."""
+    """The nvJPEG library, with a handle for the device that is current when it is created. Thread-safe."""
 
     def __init__(self) -> None:
         path = load_nvidia_dynamic_lib("nvjpeg").abs_path
@@ -91,22 +91,22 @@ class NvJpeg:
         self.call("nvjpegCreateSimple", byref(self.handle))
 
     def call(self, name: str, *arguments: object) -> None:
-        """Call a function. Raises NvJpegError unless it succeeds."""
+        """Call a function. Raises NvJpegError on failure."""
         status = getattr(self._library, name)(*arguments)
         if status:
             raise NvJpegError(name, status)
 
     def prepared(self, name: str, *arguments: int, kept: object = None) -> Call:
-        """A call for later. kept: as of `Call`."""
+        """Prepare a call. kept: the owner of memory that an argument points to."""
         return Call(getattr(self._library, name), arguments, NvJpegError, kept)
 
 
 class JpegEncoder:
-    """Encodes one picture at a time on one stream."""
+    """Encodes one image at a time on one stream."""
 
     def __init__(self, library: NvJpeg, stream: int, synchronize: Call, *, gray: bool = False) -> None:
-        """synchronize: waits for the stream; gray: pictures have no chroma, and are small, so that they get Huffman
-        tables of their own.
+        """synchronize: waits for the stream. gray: whether images are small and have no chroma, and get optimised
+        Huffman tables.
         """
         self._library = library
         self._stream = c_void_p(stream)
@@ -114,7 +114,7 @@ class JpegEncoder:
         self._state, self._params = c_void_p(), c_void_p()
         self._chroma = chroma
         self.length = c_size_t()
-        """Of the last JPEG, in bytes; of the room for the next, before it is encoded."""
+        """Size in bytes of the last JPEG, or before `fetching`, of the memory for it."""
         self._bound, self._bound_of = c_size_t(), (0, 0)
         library.call("nvjpegEncoderStateCreate", library.handle, byref(self._state), self._stream)
         library.call("nvjpegEncoderParamsCreate", library.handle, byref(self._params), self._stream)
@@ -123,12 +123,12 @@ class JpegEncoder:
         self._wait = synchronize
 
     def close(self) -> None:
-        """Give the library's memory back."""
+        """Release the library's memory."""
         self._library.call("nvjpegEncoderParamsDestroy", self._params)
         self._library.call("nvjpegEncoderStateDestroy", self._state)
 
     def bound(self, width: int, height: int) -> int:
-        """Bytes that the JPEG of a picture of this size cannot exceed."""
+        """Maximum size in bytes of the JPEG of an image of this size."""
         if (width, height) != self._bound_of:
             library, size = self._library, self._bound
             library.call("nvjpegEncodeGetBufferSize", library.handle, self._params, width, height, byref(size))
@@ -138,10 +138,10 @@ class JpegEncoder:
     def encoding(self, planes: int, width: int, height: int, quality: int) -> tuple[Call, ...]:
         """Calls that encode planes in device memory.
 
-        Planes: Y [H, W], Cb and Cr [⌈H/2⌉, ⌈W/2⌉], one after the other.
+        planes: address of Y [H, W], Cb and Cr [⌈H/2⌉, ⌈W/2⌉], one after the other.
         """
         columns, rows = (width + 1) // 2, (height + 1) // 2
-        chroma = planes + width * height  # not read if there is none
+        chroma = planes + width * height  # not read for gray images
         image = _Planes()
         image.channel[:3] = [planes, chroma, chroma + columns * rows]
         image.pitch[:3] = [width, columns, columns]
@@ -154,7 +154,7 @@ class JpegEncoder:
         )
 
     def fetching(self, into: int) -> tuple[Call, ...]:
-        """Calls that copy the last JPEG to `length` bytes of pinned memory, and wait. Then its size is in `length`."""
+        """Calls that copy the last JPEG to `length` bytes of pinned memory, wait, and set `length` to its size."""
         handle, state, stream = (each.value or 0 for each in (self._library.handle, self._state, self._stream))
         length = addressof(self.length)
         retrieve = self._library.prepared("nvjpegEncodeRetrieveBitstream", handle, state, into, length, stream)

@@ -1,4 +1,4 @@
-"""Packs a scene for the GPU: neighbours in space next to each other, a large scene with coarser levels."""
+"""Packs a scene for the GPU, with neighbours in space next to each other, and coarser levels for large scenes."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from tigas_render.raster.cuda.levels import DEVIATION, PARENT, add_levels, level
 from tigas_render.raster.cuda.scene import CHUNK, CudaScene, Grid, ScaleCodes
 
 AT_ONCE = 1 << 22
-"""Gaussians that are worked on together, which bounds the memory of intermediate results; whole chunks."""
+"""Number of Gaussians processed together, in whole chunks, which bounds the memory of intermediate results."""
 
 
 def pack(scene: Batches, device: torch.device) -> CudaScene:
-    """Pack a scene on a device, a large one with coarser levels behind the full detail.
+    """Pack a scene on a device. A large scene has coarser levels after the full detail.
 
     Gaussians that are too transparent to be drawn or not finite are left out.
     """
@@ -29,8 +29,8 @@ def pack(scene: Batches, device: torch.device) -> CudaScene:
 
 
 def _pack_full_detail(scene: Batches, device: torch.device) -> tuple[CudaScene, list[int], Grid | None]:
-    """The scene with room for coarser levels, the sizes of all levels in chunks, and the order's grid if there is any
-    Gaussian.
+    """The scene with room for coarser levels, the sizes of all levels in chunks, and the grid of the Z-order, or None
+    for an empty scene.
     """
     whole, antialiased = _on_device(scene, device)
     keep, grid = _in_order(*whole[:4])
@@ -42,7 +42,7 @@ def _pack_full_detail(scene: Batches, device: torch.device) -> tuple[CudaScene, 
 
     ends = [_log2(scales[keep[piece]]).aminmax() for piece in _pieces(len(keep))]
     low, high = min((float(end.min) for end in ends), default=0.0), max((float(end.max) for end in ends), default=0.0)
-    if grid is not None and len(sizes) > 1:  # Gaussians become as large as the grid when they are merged
+    if grid is not None and len(sizes) > 1:  # merged Gaussians become as large as the grid
         high = max(high, math.log2(2 / grid.scale))
     packed = CudaScene(
         means=torch.zeros(3, rows, device=device),
@@ -74,7 +74,7 @@ def _log2(scales: torch.Tensor) -> torch.Tensor:
 def _in_order(
     means: torch.Tensor, scales: torch.Tensor, quaternions: torch.Tensor, opacities: torch.Tensor
 ) -> tuple[torch.Tensor, Grid | None]:
-    """Indices of the Gaussians that can be drawn, in the Z-order of a grid."""
+    """Indices of the drawable Gaussians in the Z-order of a grid, and the grid."""
     keep = opacities >= ALPHA_MIN
     for piece in _pieces(len(keep)):
         keep[piece] &= torch.cat([means[piece], scales[piece], quaternions[piece]], 1).isfinite().all(1)
@@ -87,8 +87,8 @@ def _in_order(
 
 
 def _on_device(scene: Batches, device: torch.device) -> tuple[list[torch.Tensor], bool]:
-    """Means, scales, quaternions, opacities, and coefficients in half precision, and whether they were trained
-    antialiased; the host holds a batch at a time.
+    """Copy a scene to the device, with only one batch at a time on the host: means, scales, quaternions, opacities, and
+    coefficients in half precision. Also returns whether the scene was trained antialiased.
     """
     first = next(scene.parts)
     whole = [
@@ -106,7 +106,7 @@ def _on_device(scene: Batches, device: torch.device) -> tuple[list[torch.Tensor]
 
 
 def coefficients_in_use(sh: torch.Tensor) -> int:
-    """(degree + 1)² of the highest degree that has a coefficient other than zero. sh: [N, K, 3]."""
+    """(degree + 1)² for the highest degree with a coefficient other than zero. sh: [N, K, 3]."""
     for degree in (3, 2, 1):
         first, end = degree**2, (degree + 1) ** 2
         if sh.shape[1] >= end and bool(sh[:, first:end].any()):
@@ -115,7 +115,7 @@ def coefficients_in_use(sh: torch.Tensor) -> int:
 
 
 def _pack_sh(sh: torch.Tensor) -> torch.Tensor:
-    """float16 [groups, N, 4] of sh [N, K, 3]; values beyond half precision are clamped."""
+    """Pack sh [N, K, 3] as float16 [groups, N, 4]. Values out of range are clamped."""
     numbers = sh.shape[1] * 3
     constants = torch.tensor(BASIS_CONSTANTS[: sh.shape[1]], device=sh.device)[:, None]
     packed = torch.zeros(len(sh), -(-numbers // 4) * 4, dtype=torch.float16, device=sh.device)
@@ -124,7 +124,7 @@ def _pack_sh(sh: torch.Tensor) -> torch.Tensor:
 
 
 def _bounds(means: torch.Tensor, scales: torch.Tensor) -> torch.Tensor:
-    """float32 [chunks, 5]: centre, radius and greatest deviation of N > 0 Gaussians in chunks, a little wide for
+    """float32 [chunks, 5]: centre, radius and largest deviation of N > 0 Gaussians in chunks, with a margin for
     rounding. The last chunk repeats its last Gaussian instead of padding.
     """
     last = torch.arange(-(-len(means) // CHUNK) * CHUNK, device=means.device).clamp_max(len(means) - 1)

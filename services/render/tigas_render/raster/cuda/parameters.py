@@ -1,4 +1,4 @@
-"""One frame's parameters as the kernels take them: its tiles, and `struct Frame` of frame.cuh."""
+"""The parameters that the kernels take for a frame: its tiles, and `struct Frame` of frame.cuh."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from tigas_render.raster.cuda.levels import EDGE_PIXELS
 from tigas_render.raster.cuda.scene import CODES, POINTERS, CudaScene
 
 SMALL_PICTURE = 640 * 360
-"""Pixels. A picture of at most so many gets small tiles, as large ones would keep few multiprocessors busy; so does one
-with more Gaussians than pixels, as those are small themselves. See docs/architecture.md."""
+"""Number of pixels up to which an image has small tiles, because large ones would keep few multiprocessors busy. So
+does an image with more Gaussians than pixels, because these Gaussians are small. See docs/architecture.md."""
 
 MAX_SLICES = 256
-"""A slice's number has 8 bits."""
+"""Maximum number of slices: a slice's number has 8 bits."""
 MAX_LISTS, MOST_LISTS = 1 << 18, 1 << 21
-"""Lists of all tiles and slices together: enough to keep each short, few enough to count in microseconds. Scenes of
-millions have one for every eight Gaussians, but not more than the latter."""
+"""Limits on the number of lists of all tiles and slices: enough to keep each list short, few enough to count in
+microseconds. Scenes of millions have one for every eight Gaussians, up to the second limit."""
 _PLAN: Final = struct.Struct("=18Q6I3i")
 """The other pointers; padded, capacity, room, tiles, tiles_x, slices; width, height, format."""
 _POSE: Final = struct.Struct("=12f")
@@ -29,33 +29,33 @@ _POSE: Final = struct.Struct("=12f")
 _LENS: Final = struct.Struct("=14f")
 """The other floats."""
 SIZE: Final = sum(part.size for part in (POINTERS, _PLAN, CODES, _POSE, _LENS))
-"""Bytes of `struct Frame`."""
+"""Size of `struct Frame` in bytes."""
 PixelFormat = FrameFormat | Literal["depth"]
 FORMATS: Final[dict[PixelFormat, int]] = {"png": 0, "jpeg": 1, "yuv420p": 2, "depth": 3}
 """Outputs of the blending kernel: RGB, JPEG's planes, video's planes, input of `inverse_depth`."""
 GREATEST: Final = 3.4e38
-"""Of float32, nearly."""
+"""Approximately the largest float32."""
 
 
 @dataclass(frozen=True, slots=True)
 class TileLayout:
-    """A picture's tiles."""
+    """The tiles of an image."""
 
     side: int
-    """Pixels: 8 or 16."""
+    """Side length in pixels: 8 or 16."""
     columns: int
     rows: int
     slices: int
-    """Depth is cut into so many, each with a list for every tile: a power of two, 256 at most."""
+    """Number of slices of depth, each with a list for every tile: a power of two, at most 256."""
 
     @property
     def tiles(self) -> int:
-        """How many there are."""
+        """Number of tiles."""
         return self.columns * self.rows
 
 
 def tile_layout(width: int, height: int, gaussians: int) -> TileLayout:
-    """The tiles of a picture of so many pixels and Gaussians."""
+    """The tiles of an image of this size in pixels, for a scene with this number of Gaussians."""
     side = 8 if width * height <= max(SMALL_PICTURE, gaussians) else 16
     columns, rows = -(-width // side), -(-height // side)
     slices, most = MAX_SLICES, max(MAX_LISTS, min(gaussians // 8, MOST_LISTS))
@@ -74,10 +74,10 @@ def plan_numbers(
     capacity: int,
     room: int,
 ) -> bytes:
-    """The part of `struct Frame` that all frames of a size and format have in common.
+    """The part of `struct Frame` that all frames of a size and format share.
 
-    padded: Gaussians; buffers: the device's addresses from `splats` to `progress`, in the struct's order; capacity:
-    entries of the lists; room: chunks that the buffers of Gaussians hold.
+    padded: number of Gaussians, including padding. buffers: device addresses from `splats` to `progress`, in the
+    struct's order. capacity: number of list entries. room: number of chunks for which the buffers have slots.
     """
     return _PLAN.pack(
         *buffers, padded, capacity, room, layout.tiles, layout.columns, layout.slices, width, height, FORMATS[format]
@@ -95,7 +95,7 @@ def frame_parameters(scene: CudaScene, camera: Camera, plan: bytes) -> bytes:
     return b"".join((scene.pointers, plan, scene.codes, pose, lens))
 
 
-@lru_cache(maxsize=1024)  # a viewer has one lens, or a few, for thousands of frames
+@lru_cache(maxsize=1024)  # a viewer uses the same lens, or a few, for thousands of frames
 def _lens(
     k: Intrinsics,
     margins: tuple[int, int],
@@ -112,5 +112,5 @@ def _lens(
 
 
 def _float32(value: float) -> float:
-    """The nearest value that a kernel can hold: the shortest focal lengths have limits beyond any."""
+    """The nearest float32, since the limits for the shortest focal lengths are out of range."""
     return max(-GREATEST, min(GREATEST, value))

@@ -26,25 +26,25 @@ from tigas_render.raster.cuda.workspace import Workspace
 from tigas_render.raster.lanes import FetchedImage, Job, LaneRasterizer
 
 SIDES = (8, 16)
-"""Sides of the tiles for which kernels exist, in pixels."""
+"""Side lengths in pixels of the tiles for which there are kernels."""
 STAGES = ("project", "large", "bin", "blend")
 KERNELS = ("begin", "place", "code_depth", *(f"{stage}_{side}" for side in SIDES for stage in STAGES))
 
 
 LEAST_LANES, MOST_LANES = 6, 24
 LANE_BYTES = 2 << 30
-"""Device memory for each lane; its buffers grow with scenes and pictures."""
+"""Device memory per lane in bytes; a lane's buffers grow with scenes and images."""
 
 
 class CudaRasterizer(LaneRasterizer):
-    """Renders on one NVIDIA GPU (Ampere or newer). Make jobs on one thread at a time; run them on any.
+    """Renders on one NVIDIA GPU (Ampere or newer). Create jobs on one thread at a time; they may run on any thread.
 
-    Six frames in flight keep the device busy. The lanes beyond them hide that a finished lane waits for a busy event
+    Six frames in flight keep the device busy, and further lanes keep it so while finished ones wait for a busy event
     loop (docs/results/2026-11-engine-cost.md).
     """
 
     def __init__(self, index: int, cache: Path) -> None:
-        """index: the device's number; cache: a directory for compiled kernels.
+        """index: the device's number. cache: a directory for compiled kernels.
 
         Raises ValueError, with one sentence, if the device cannot be used.
         """
@@ -57,7 +57,7 @@ class CudaRasterizer(LaneRasterizer):
         self.explained = Explained(self)
         try:
             self._open(index, cache)
-        except (OSError, RuntimeError, CUDAError) as error:  # a full GPU, a driver that is too old or missing
+        except (OSError, RuntimeError, CUDAError) as error:  # a GPU out of memory, or an old or missing driver
             raise ValueError(f"{self.device} cannot be used: {_first_line(error)}.") from error
 
     def _open(self, index: int, cache: Path) -> None:
@@ -80,7 +80,7 @@ class CudaRasterizer(LaneRasterizer):
         return torch.cuda.get_device_name(self._device)
 
     def pack(self, scene: Batches) -> CudaScene:
-        """Pack a scene; see `scene.pack`. Raises OutOfDeviceMemory and DeviceLost."""
+        """Pack a scene; see `packing.pack`. Raises OutOfDeviceMemory and DeviceLost."""
         with self.explained:
             self._make_room()
             packed = pack(scene, self._device)
@@ -88,14 +88,14 @@ class CudaRasterizer(LaneRasterizer):
             return packed
 
     def job(self, scene: PreparedScene, camera: Camera, format: FrameFormat, quality: int, *, depth: bool) -> CudaJob:
-        """One view in a workspace. Raises OutOfDeviceMemory and DeviceLost."""
+        """Prepare one view in a workspace. Raises OutOfDeviceMemory and DeviceLost."""
         assert isinstance(scene, CudaScene)
         with self.explained:
             self._make_room()
             return CudaJob(self, self.take_workspace(), scene, camera, format, quality, depth)
 
     def warm_up(self) -> None:
-        """Make JPEGs with depth in every workspace, so that everything is loaded and allocated."""
+        """Render JPEGs with depth in every workspace, so that everything is loaded and allocated."""
         scene = self.prepare(one_gaussian())
         pose = Pose((0.0, 0.0, 0.0), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
         for width, height in ((64, 36), (1280, 720)):
@@ -112,7 +112,7 @@ class CudaRasterizer(LaneRasterizer):
         return Workspace(self._device, self.stages, self._code_depth, self._library)
 
     def give_back(self, workspace: Workspace) -> None:
-        """Take a workspace back; keep one for each frame in flight and one for `render`."""
+        """Take back a workspace. One is kept for each frame in flight, and one for `render`."""
         with self._lock:
             if len(self._free) <= self.frames_in_flight:
                 self._free.append(workspace)
@@ -127,18 +127,18 @@ class CudaRasterizer(LaneRasterizer):
             self._threads.is_current = True
 
     def explain(self, error: Exception) -> None:
-        """Raise the service's error for one of the device; do nothing for one that concerns a single request."""
+        """Raise OutOfDeviceMemory or DeviceLost for a device error; do nothing for an error of a single request."""
         if _is_out_of_memory(error):
             self._full = True
             raise OutOfDeviceMemory(f"{self.device} has too little free memory; try again later.") from None
         if not self._works():
-            # Every call fails after a kernel crashed or the GPU fell off the bus; only a new process helps.
+            # After a kernel has crashed or the GPU has fallen off the bus every call fails, until a new process starts.
             raise DeviceLost(f"{self.device} failed ({_first_line(error)}); restart the service.") from error
 
     def _make_room(self) -> None:
-        """After a shortage of memory: return the caches of idle workspaces and PyTorch to the driver.
+        """After a shortage of memory, return the caches of idle workspaces and of PyTorch to the driver.
 
-        Not at once, but before the next frame or scene: by then a scene may have been unloaded as well.
+        This happens before the next frame or scene, because by then a scene may have been unloaded as well.
         """
         if not self._full:
             return
@@ -157,9 +157,9 @@ class CudaRasterizer(LaneRasterizer):
 
 
 class Explained(AbstractContextManager[None]):
-    """A context with the device current for the thread, and its errors translated into the service's.
+    """A context manager that makes the device current for the thread, and translates its errors into the service's.
 
-    It keeps no state, so that all threads enter the same one. Three times a frame, a generator took 3 µs each.
+    It is stateless, so all threads share it. It is entered three times per frame; a generator took 3 µs each time.
     """
 
     def __init__(self, rasterizer: CudaRasterizer) -> None:
@@ -176,7 +176,7 @@ class Explained(AbstractContextManager[None]):
 
 
 def _is_out_of_memory(error: Exception) -> bool:
-    """PyTorch, the driver, the runtime (for pinned memory) and nvJPEG each say it in their own way."""
+    """Whether PyTorch, the driver, the runtime (for pinned memory) or nvJPEG reports a lack of memory."""
     if isinstance(error, torch.cuda.OutOfMemoryError) or (
         isinstance(error, NvJpegError) and error.status == ALLOCATOR_FAILURE
     ):
@@ -201,11 +201,11 @@ class CudaJob(Job):
     with_depth: bool
 
     def calls(self) -> FrameCalls:
-        """Raises OutOfDeviceMemory and DeviceLost."""
+        """The calls of the frame. Raises OutOfDeviceMemory and DeviceLost."""
         return self.workspace.frame(self.scene, self.camera, self.format, self.quality, depth=self.with_depth)
 
     def fetched(self) -> FetchedImage | None:
-        """The frame and its depth, copied from pinned memory. Raises Overloaded."""
+        """The frame and its depth, copied from pinned memory; None if it must be redrawn. Raises Overloaded."""
         if not self.workspace.fitted():
             return None
         k, workspace = self.camera.intrinsics, self.workspace

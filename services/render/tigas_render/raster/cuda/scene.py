@@ -1,4 +1,4 @@
-"""A packed scene on the device: planar, 16 bits where they suffice, neighbours in space next to each other."""
+"""A packed scene on the device: planar, with 16 bits where they suffice, and neighbours in space next to each other."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from tigas_render.raster.base import PreparedScene
 from tigas_render.raster.morton import BITS, MAX_SAMPLE, morton_grid, spread
 
 CHUNK = 256
-"""Gaussians that are culled together; `frame.cuh` says the same."""
+"""Number of Gaussians that are culled together, as in `frame.cuh`."""
 POINTERS, CODES = struct.Struct("=4Q"), struct.Struct("=i2f")
 CELLS = (1 << BITS) - 1
-"""Of an axis, but for the border's."""
+"""Number of cells per axis, not counting the border's."""
 
 
 class Grid(NamedTuple):
-    """The Z-order's cells; see `morton.morton_grid`."""
+    """The cells of the Z-order; see `morton.morton_grid`."""
 
     low: NDArray[np.float64]
     scale: float
@@ -34,22 +34,22 @@ class Grid(NamedTuple):
 
     @property
     def cell(self) -> float:
-        """A cell's edge, in scene units."""
+        """The length of a cell's edge, in scene units."""
         return 1 / (self.scale * CELLS)
 
     def places(self, points: torch.Tensor) -> torch.Tensor:
-        """Float64 [N, 3]: 0 to 1 inside the grid."""
+        """Positions of points [N, 3] in the grid, float64 [N, 3]: 0 to 1 inside."""
         return (points.double() - torch.from_numpy(self.low).to(points.device)) * self.scale + 0.25
 
     def codes(self, points: torch.Tensor) -> torch.Tensor:
-        """The Z-order codes [N] of finite points [N, 3]; twin: `morton.morton_codes`."""
+        """The Z-order codes [N] of finite points [N, 3], equal to those of `morton.morton_codes`."""
         cells = (self.places(points).clamp_(0, 1) * CELLS).long()
         codes: torch.Tensor = spread(cells[:, 0]) | spread(cells[:, 1]) << 1 | spread(cells[:, 2]) << 2
         return codes
 
 
 class ScaleCodes(NamedTuple):
-    """log2 of a scale is low + step · code."""
+    """The encoding of scales: log2(scale) = low + step · code."""
 
     low: float
     step: float
@@ -60,9 +60,7 @@ class ScaleCodes(NamedTuple):
         return cls(low, max((high - low) / 65535, 1e-9))
 
     def shapes(self, log_scales: torch.Tensor, opacities: torch.Tensor, quaternions: torch.Tensor) -> torch.Tensor:
-        """Int16 [N, 8]: three log2 scales as codes, opacity · 65535, quaternion w, x, y, z · 32767; all but the
-        quaternion unsigned.
-        """
+        """Encode Gaussians as `CudaScene.shapes` [N, 8]. log_scales: log2 of the scales."""
         shapes = torch.empty(len(log_scales), 8, dtype=torch.int16, device=log_scales.device)
         unit = torch.nn.functional.normalize(quaternions, dim=1)
         for fields, values in (
@@ -75,38 +73,38 @@ class ScaleCodes(NamedTuple):
         return shapes
 
     def scales(self, shapes: torch.Tensor) -> torch.Tensor:
-        """Float64 [..., 3] from shapes [..., 8]."""
+        """Scales, float64 [..., 3], from shapes [..., 8]."""
         return torch.exp2(self.low + self.step * (shapes[..., :3].to(torch.int32) & 0xFFFF).double())
 
 
 def opacities(shapes: torch.Tensor) -> torch.Tensor:
-    """Float64 [N] from shapes [N, 8]."""
+    """Opacities, float64 [N], from shapes [N, 8]."""
     return (shapes[:, 3].to(torch.int32) & 0xFFFF).double() / 65535
 
 
 @dataclass(frozen=True, slots=True)
 class CudaScene(PreparedScene):
-    """N Gaussians, padded to whole chunks with ones that are too transparent to be drawn."""
+    """N Gaussians, including padding to whole chunks with ones that are too transparent to be drawn."""
 
     means: torch.Tensor
     """float32 [3, N]."""
     shapes: torch.Tensor
-    """int16 [N, 8]: three log2 scales as codes, opacity · 65535, quaternion w, x, y, z · 32767; all but the
-    quaternion unsigned."""
+    """int16 [N, 8]: three log2 scales as codes, opacity · 65535, and quaternion w, x, y, z · 32767. All but the
+    quaternion are unsigned."""
     sh: torch.Tensor
     """float16 [groups, N, 4]: coefficients times their basis constants, coefficient-major, red, green, blue."""
     bounds: torch.Tensor
-    """float32 [chunks, 8]: centre and radius of the means, or of a sphere around all that a coarser chunk stands for;
-    the greatest deviation; a cell's edge, 0 for the full detail; the parent's number as an int32, -1 without one."""
+    """float32 [chunks, 8]: centre and radius of the means, or of a sphere around a coarser chunk's descendants; the
+    largest deviation; a cell's edge, 0 for the full detail; the parent's number as an int32, -1 without a parent."""
     coefficients: int
-    """(degree + 1)², of the highest degree in use."""
+    """(degree + 1)² for the highest degree in use."""
     scale_codes: ScaleCodes
     antialiased: bool = False
-    """As Gaussians have it."""
+    """Whether the scene was trained with Mip-Splatting's 2D filter."""
     pointers: bytes = field(init=False)
-    """Its part of the pointers in `struct Frame` of frame.cuh."""
+    """The scene's pointers in `struct Frame` of frame.cuh."""
     codes: bytes = field(init=False)
-    """Its part of the numbers there: the coefficients, and the scales' codes."""
+    """The scene's numbers in `struct Frame`: the number of coefficients, and the scale codes."""
 
     def __post_init__(self) -> None:
         tensors = (self.means, self.shapes, self.sh, self.bounds)
@@ -115,7 +113,7 @@ class CudaScene(PreparedScene):
 
     @property
     def padded(self) -> int:
-        """Gaussians, padding included."""
+        """Number of Gaussians, including padding."""
         return self.means.shape[1]
 
     @property

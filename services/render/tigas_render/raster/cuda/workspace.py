@@ -1,4 +1,4 @@
-"""Everything that one frame in flight needs on the device: a stream, buffers, graphs and a JPEG encoder."""
+"""The resources of a frame in flight on the device: a stream, buffers, graphs and JPEG encoders."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ from tigas_render.raster.cuda.parameters import (
 from tigas_render.raster.cuda.scene import CHUNK, CudaScene
 
 FIRST_CAPACITY = 1 << 21
-"""Entries of all tiles' lists together that a workspace begins with; it grows when a frame needs more."""
+"""Initial number of list entries in a workspace, for all tiles. It grows when a frame needs more."""
 MOST_ENTRIES = 1 << 30
-"""Entries beyond which a frame is refused: its lists would take 8 GiB, and keep the device busy for seconds."""
+"""Number of entries above which a frame is refused: its lists would take 8 GiB, and seconds of the device's time."""
 FIRST_ROOM = 1 << 12
-"""Chunks of Gaussians that a workspace begins with room for; it grows when a frame chooses more."""
+"""Initial number of chunks for which a workspace has room. It grows when a frame chooses more."""
 SHRUNK_AFTER = 1024
-"""Frames after which buffers are given back if none of them filled their lists, or their room, to a tenth."""
+"""Number of frames after which buffers are released if all of them used less than a tenth of the entries or chunks."""
 
 MOST_KINDS = 256
-"""Number of kinds of frames, by size, format and quality, that a workspace has prepared."""
+"""Maximum number of kinds of frames, by size, format and quality, that a workspace keeps prepared."""
 
 # As in frame.cuh.
 DEPTH_BINS = 8192
@@ -44,42 +44,42 @@ MAX_SEGMENTS = 64
 PROGRESS_BYTES = 4 * (DEPTH_BINS + 10 + MAX_SEGMENTS + MAX_RANGES)
 DEPTH_THREADS = 1024
 ENTRIES_PER_PARTIAL = 256
-"""Capacity of the lists, over the number of partial pictures that there is room for."""
+"""Number of list entries per partial image for which there is room."""
 
 DEPTH_QUALITY = 28
-"""JPEG quality of encoded depth, as accurate as the WebP of the CPU path."""
+"""JPEG quality of encoded depth, which is as accurate as the WebP of the CPU path."""
 
 
 class Status(ctypes.Structure):
-    """Left by a drawn frame, or its depth, in pinned memory."""
+    """The status that a drawn frame or its depth leaves in pinned memory."""
 
     _fields_ = (
         ("entries", ctypes.c_uint32),
         ("chunks", ctypes.c_uint32),
         ("nearest", ctypes.c_float),
-        ("_unused", ctypes.c_uint32),  # so that the next one is aligned, too
+        ("_unused", ctypes.c_uint32),  # to align the next one
     )
     entries: int
-    """Entries that its lists needed."""
+    """Number of list entries needed."""
     chunks: int
-    """Chunks that it chose."""
+    """Number of chunks chosen."""
     nearest: float
-    """Inverse depth of code 255; only of depth."""
+    """Inverse depth of code 255, for depth only."""
 
 
 class Parameters:
-    """Of one launch: where the first kernel takes the frame's parameters from, and where it is to store them."""
+    """The kernel arguments of a launch: the frame's parameters, and where the first kernel stores them."""
 
     def __init__(self, frame: int) -> None:
-        """frame: an address on the device."""
+        """frame: device address at which the parameters are stored."""
         self._content = ctypes.create_string_buffer(SIZE)
         self._frame = ctypes.c_void_p(frame)
         self._pointers = (ctypes.c_void_p * 2)(ctypes.addressof(self._content), ctypes.addressof(self._frame))
         self.arguments = ctypes.addressof(self._pointers)
-        """The address of the kernel's arguments."""
+        """Address of the first kernel's arguments."""
         self._pointer = (ctypes.c_void_p * 1)(ctypes.addressof(self._frame))
         self.frame_alone = ctypes.addressof(self._pointer)
-        """That of the arguments of a kernel which takes nothing but where the parameters are stored."""
+        """Address of the arguments of a kernel that takes only the address of the stored parameters."""
 
     def write(self, scene: CudaScene, camera: Camera, plan: Plan) -> None:
         self._content.raw = frame_parameters(scene, camera, plan.numbers)
@@ -87,31 +87,31 @@ class Parameters:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """Constants of all frames of a size and format."""
+    """The constants of all frames of a size and format."""
 
     layout: TileLayout
     numbers: bytes
-    """As `frame_parameters` takes them."""
+    """Input of `frame_parameters`."""
     capacity: int
-    """Entries that the lists have room for."""
+    """Number of entries for which the lists have room."""
     room: int
-    """Chunks of Gaussians that the other buffers have room for."""
+    """Number of chunks for which the other buffers have room."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Layer:
-    """The picture of a kind of frames, or their depth."""
+    """The image or the depth of a kind of frames."""
 
     plan: Plan
     encode: tuple[Call, ...]
     fetch: tuple[Call, ...]
     output: torch.Tensor
-    """Pinned memory, from the address on."""
+    """Pinned memory, which starts at `address`."""
     address: int
     room: int
-    """Bytes that the encoded layer can have."""
+    """Maximum size of the encoded layer in bytes."""
     length: ctypes.c_size_t
-    """Bytes of the last one, after it; the room before."""
+    """Size of the encoded layer in bytes after a frame; set to `room` before it."""
 
     def content(self) -> bytes:
         """A copy of the encoded layer on the host."""
@@ -120,7 +120,7 @@ class Layer:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameKind:
-    """What all frames of a size, format and quality have in common, with depth or without."""
+    """The prepared calls and outputs of all frames of a size, format and quality, with or without depth."""
 
     calls: FrameCalls
     picture: Layer
@@ -128,12 +128,12 @@ class FrameKind:
 
 
 class Workspace:
-    """One frame at a time goes through it. Nothing is allocated for a frame that fits the buffers of the last."""
+    """Renders one frame at a time. Allocates nothing for a frame that fits in the existing buffers."""
 
     def __init__(
         self, device: torch.device, stages: dict[int, tuple[Stage, ...]], code_depth: Kernel, library: NvJpeg
     ) -> None:
-        """stages: the kernels of a frame in their order, by the side of a tile."""
+        """stages: the kernels of a frame in order, by the side length of a tile."""
         self._device = device
         self._stages = stages
         self.torch_stream = torch.cuda.Stream(device)  # type: ignore[no-untyped-call]
@@ -145,16 +145,16 @@ class Workspace:
             Status.from_address(self._pinned.data_ptr() + at) for at in (0, ctypes.sizeof(Status))
         )
         self._room = FIRST_ROOM
-        """Chunks that frames of large scenes get room for."""
+        """Number of chunks for which frames of large scenes have room."""
         self._most_entries, self._most_chunks, self._fitting = 0, 0, 0
-        """The most that any of the last frames that fitted needed, and the number of those frames."""
+        """Maximum entries and chunks of the last frames that fitted, and the number of those frames."""
         self._buffers: dict[str, torch.Tensor] = {}
         self._plans: dict[tuple[int, int, int, PixelFormat], Plan] = {}
-        """Of frames that the buffers have room for, by width, height, Gaussians and format."""
+        """Plans for which the buffers have room, by width, height, number of Gaussians and format."""
         self._kinds: dict[tuple[int, int, int, FrameFormat, int, bool], FrameKind] = {}
-        """Of such frames, by width, height, Gaussians, format, quality, and whether they have depth."""
+        """Prepared kinds of frames, by width, height, number of Gaussians, format, quality, and presence of depth."""
         self._kind: FrameKind
-        """Of the last frame."""
+        """The kind of the last frame."""
         self._output, self._depth_output = (torch.empty(0, dtype=torch.uint8) for _ in range(2))
         self._allocate("frame", SIZE)
         self._allocate("progress", PROGRESS_BYTES).zero_()
@@ -166,21 +166,21 @@ class Workspace:
         self._code_depth = driver_call(
             "cuLaunchKernel", int(code_depth.handle), *block, 0, int(self.stream.handle), arguments, 0
         )
-        # last, as they have to be closed
+        # created last, because they have to be closed
         self._encoder = JpegEncoder(library, self.torch_stream.cuda_stream, wait)
         self._depth_encoder = JpegEncoder(library, self.torch_stream.cuda_stream, wait, gray=True)
 
     @property
     def entries(self) -> int:
-        """Entries of all lists of the last frame that was finished."""
+        """Number of entries in all lists of the last finished frame."""
         return self._status.entries
 
     def frame(
         self, scene: CudaScene, camera: Camera, format: FrameFormat, quality: int, *, depth: bool = False
     ) -> FrameCalls:
-        """The calls that draw, encode and fetch one frame, and its depth; valid until the next `frame`.
+        """The calls that draw, encode and fetch one frame and its depth, valid until the next call of `frame`.
 
-        Raises torch.cuda.OutOfMemoryError if the buffers have to grow and cannot.
+        Raises torch.cuda.OutOfMemoryError if the buffers have to grow but cannot.
         """
         k = camera.intrinsics
         key = k.width, k.height, scene.padded, format, quality, depth
@@ -204,7 +204,7 @@ class Workspace:
         if has_depth:
             small = coarse(camera)
             plan_of_depth = self._plan(scene, small, "depth")
-            plan = self._plan(scene, camera, format)  # buffers may have moved, but have room for both now
+            plan = self._plan(scene, camera, format)  # again: buffers may have moved, but now have room for both
             depth = self._depth(plan_of_depth, small.intrinsics.width, small.intrinsics.height)
             draw = *self._launch(plan_of_depth.layout.side, self._depth_parameters), self._code_depth
         picture = self._picture(plan, width, height, format, quality)
@@ -217,23 +217,23 @@ class Workspace:
         return kind
 
     def prepare(self, scene: CudaScene, camera: Camera, format: FrameFormat) -> TileLayout:
-        """Make room for a frame and write its parameters, but launch nothing."""
+        """Make room for a frame and write its parameters, without launching anything."""
         plan = self._plan(scene, camera, format)
         self._parameters.write(scene, camera, plan)
         return plan.layout
 
     def _launch(self, side: int, parameters: Parameters) -> tuple[Call, ...]:
-        """The calls that queue a frame with tiles of a given side."""
+        """The calls that queue a frame with tiles of this side length."""
         first = self._first_launch(self._stages[side][0], parameters)
         return first, driver_call("cuGraphLaunch", int(self._graphs[side].handle), int(self.stream.handle))
 
     def _plan(self, scene: CudaScene, camera: Camera, format: PixelFormat) -> Plan:
-        """Room for a frame. It stays where it is until another frame needs more."""
+        """The plan of a frame, with room for it in the buffers, which move only when a frame needs more room."""
         k = camera.intrinsics
         key = k.width, k.height, scene.padded, format
         plan = self._plans.get(key)
         if plan is None:
-            plan = self._make_room(*key)  # first, since no other plan is left if it enlarges a buffer
+            plan = self._make_room(*key)  # first, because it clears all plans if it enlarges a buffer
             if len(self._plans) >= MOST_KINDS:
                 self._plans.clear()
             self._plans[key] = plan
@@ -263,7 +263,7 @@ class Workspace:
             ("partials", capacity // ENTRIES_PER_PARTIAL * layout.side**2 * 16),
             ("depth", 9 * width * height)  # floats, and their codes
             if format == "depth"
-            else ("pixels", 3 * width * height + 4 * max(width, height)),  # planes of odd sizes take a bit more
+            else ("pixels", 3 * width * height + 4 * max(width, height)),  # planes of odd sizes take slightly more
         )
         addresses = tuple(self._allocate(name, size).data_ptr() for name, size in sizes)
         status = ctypes.addressof(self._depth_status if format == "depth" else self._status)
@@ -299,12 +299,12 @@ class Workspace:
         return self._kind.picture.content()
 
     def coded_depth(self) -> CodedDepth | None:
-        """A copy of the frame's encoded depth on the host; None if it was queued without depth."""
+        """A copy of the frame's encoded depth on the host; None for a frame without depth."""
         depth = self._kind.depth
         return None if depth is None else CodedDepth(self._depth_status.nearest, depth.content())
 
     def fitted(self) -> bool:
-        """Whether the finished frame had room; if not, buffers are enlarged and the frame has to be redrawn.
+        """Whether the finished frame fitted in the buffers; if not, they have been enlarged and it must be redrawn.
 
         Raises Overloaded for a frame with more than `MOST_ENTRIES`.
         """
@@ -331,32 +331,32 @@ class Workspace:
         return True
 
     def shrink(self) -> None:
-        """Release buffers that grew with scenes and pictures; the next frame allocates them again."""
+        """Release buffers that have grown with scenes and images; the next frame allocates them again."""
         self.wait()
         self._forget_kinds()
         self._room = FIRST_ROOM
         self._buffers = {name: self._buffers[name] for name in ("frame", "progress")}
 
     def close(self) -> None:
-        """Give the encoder's memory back; the buffers go with the object."""
+        """Release the encoders' memory. The buffers are released with the object."""
         self.wait()
         self._encoder.close()
         self._depth_encoder.close()
 
     def launch_stage(self, stage: Stage) -> None:
-        """Launch one kernel by itself; benchmarks time them so."""
+        """Launch a single kernel, for benchmarks."""
         if stage.name == "begin":
             Calls(self._first_launch(stage, self._parameters)).make()
         else:
             launch(self.stream, stage.config, stage.kernel, self._buffers["frame"].data_ptr())
 
     def _first_launch(self, stage: Stage, parameters: Parameters) -> Call:
-        """Of the first kernel, which brings the parameters along."""
+        """The launch of the first kernel, which passes the parameters to the device."""
         kernel, stream, shape = int(stage.kernel.handle), int(self.stream.handle), stage.config
         return driver_call("cuLaunchKernel", kernel, *shape.grid, *shape.block, 0, stream, parameters.arguments, 0)
 
     def _capture(self, stages: tuple[Stage, ...]) -> Graph:
-        """All kernels but the first as one graph: differences between frames are in the parameters that they read."""
+        """Capture all kernels but the first in a graph. Frames differ only in the parameters that the kernels read."""
         builder = self.stream.create_graph_builder()
         builder.begin_building("relaxed")
         for stage in stages[1:]:
@@ -364,35 +364,35 @@ class Workspace:
         return builder.end_building().complete()
 
     def _forget_kinds(self) -> None:
-        """Prepare frames anew: buffers move, or are released."""
+        """Forget prepared frames, because buffers move or are released."""
         self._plans.clear()
         self._kinds.clear()
 
     def _allocate(self, name: str, size: int) -> torch.Tensor:
-        """The buffer of this name, enlarged if it has less than `size` bytes; then its content is lost."""
+        """The buffer of this name. If it has less than `size` bytes it is enlarged, and its content is lost."""
         buffer = self._buffers.get(name)
         if buffer is None or buffer.nbytes < size:
-            # Growing waits for the stream: running kernels may use the old buffer. It is released before the new one is
-            # allocated; if memory is short, none is left.
+            # Running kernels may use the old buffer, so wait for the stream. The old buffer is released before the new
+            # one is allocated; if there is not enough memory, there is no buffer afterwards.
             self.wait()
             self._forget_kinds()
             self._buffers[name] = torch.empty(0, dtype=torch.uint8, device=self._device)
             del buffer
             buffer = torch.empty(size, dtype=torch.uint8, device=self._device)
-            # PyTorch does not know this workspace's stream: earlier work on the memory, on the default stream, may
-            # still be queued there, such as another scene's packing.
+            # PyTorch does not know this workspace's stream, so earlier work on this memory, such as packing another
+            # scene, may still be queued on the default stream.
             torch.cuda.current_stream(self._device).synchronize()
             self._buffers[name] = buffer
         return buffer
 
 
 def _at_least(size: int, buffer: torch.Tensor) -> torch.Tensor:
-    """The buffer, of pinned memory, or a larger one."""
+    """The pinned buffer, or a new one if it is too small."""
     return buffer if buffer.nbytes >= size else torch.empty(size, dtype=torch.uint8, pin_memory=True)
 
 
 def picture_bytes(width: int, height: int, format: FrameFormat) -> int:
-    """Bytes of a picture's pixels, as `png` or `yuv420p` lays them out."""
+    """Size in bytes of an image's pixels, in the layout for `png` or `yuv420p`."""
     match format:
         case "png":
             return 3 * width * height

@@ -1,12 +1,12 @@
-// The frame's first kernel: keeps the parameters for the others, clears counts and picture, chooses the chunks that may
-// be visible, at the level of detail that the picture can show, and cuts depth into slices with about equally many
-// Gaussians, so that no list becomes long.
+// The frame's first kernel: stores the parameters for the others, clears the counts and the image, chooses the chunks
+// that may be visible, at the level of detail that the image can show, and divides depth into slices with about equal
+// numbers of Gaussians, so that no list becomes long.
 #include "frame.cuh"
 #include "pixels.cuh"
 
 constexpr u32 NO_PARENT = 0xffffffffu;
 
-// Whether a chunk's cells, seen from its nearest point, have short edges; always so for the full detail.
+// Whether a chunk's cells have short edges at its nearest point; always true for the full detail.
 __device__ __forceinline__ bool is_fine(const Frame& f, float edge, float nearest) {
     return edge <= f.reach * fmaxf(nearest, 0.f);
 }
@@ -19,9 +19,9 @@ __device__ bool parent_is_fine(const Frame& f, u32 parent) {
     return is_fine(f, f.bounds[2 * parent + 1].y, pz - sphere.w);
 }
 
-// Whether no Gaussian of a chunk has to be drawn; false when in doubt. A chunk is a sphere around its means and the
-// greatest deviation among its Gaussians. The least depth bounds how large those deviations become in pixels.
-// A chunk is passed over, too, if it is not fine enough or its parent is: see levels.py.
+// Whether no Gaussian of a chunk has to be drawn; false if in doubt. A chunk is bounded by a sphere around its means
+// and the largest deviation of its Gaussians. The smallest depth limits how large this deviation becomes in pixels.
+// A chunk is also skipped if it is not fine enough, or if its parent is: see levels.py.
 __device__ bool is_left_out(const Frame& f, u32 chunk, float& depth) {
     float4 sphere = f.bounds[2 * chunk], detail = f.bounds[2 * chunk + 1];
     float deviation = detail.x;
@@ -34,19 +34,19 @@ __device__ bool is_left_out(const Frame& f, u32 chunk, float& depth) {
     if (pz + r < 0.999f * NEAR_PLANE || !is_fine(f, detail.y, nearest) || parent_is_fine(f, __float_as_uint(detail.z)))
         return true;
     if (!(nearest > NEAR_PLANE)) return false;
-    constexpr float REACH = 3.37f;  // sqrt(2 ln 255), and a little
+    constexpr float REACH = 3.37f;  // sqrt(2 ln 255), with a margin
     float slope_x = fmaxf(fabsf(f.left), fabsf(f.right)), slope_y = fmaxf(fabsf(f.top), fabsf(f.bottom));
     float sx = f.fx * deviation / nearest, sy = f.fy * deviation / nearest;
     float margin_x = (REACH * sqrtf(sx * sx * (1 + slope_x * slope_x) + f.filtered) + 2) / f.fx;
     float margin_y = (REACH * sqrtf(sy * sy * (1 + slope_y * slope_y) + f.filtered) + 2) / f.fy;
-    // planes through the eye: outside where the signed distance of the sphere's centre is more than its radius
+    // planes through the eye: the sphere is outside if its centre's signed distance exceeds its radius
     float l = -f.cx / f.fx - margin_x, rr = (f.width - f.cx) / f.fx + margin_x;
     float t = -f.cy / f.fy - margin_y, b = (f.height - f.cy) / f.fy + margin_y;
     return l * pz - px > r * sqrtf(1 + l * l) || px - rr * pz > r * sqrtf(1 + rr * rr) ||
            t * pz - py > r * sqrtf(1 + t * t) || py - b * pz > r * sqrtf(1 + b * b);
 }
 
-// The sum of the values of the threads before this one, in a block of CHUNK threads that all call it, and `total`.
+// The sum of the values of all earlier threads in a block of CHUNK threads, which must all call it, and the `total`.
 template <class Number>
 __device__ __forceinline__ Number exclusive_scan(Number value, Number* warps, Number& total) {
     int lane = threadIdx.x & 31, warp = threadIdx.x / 32;
@@ -55,7 +55,7 @@ __device__ __forceinline__ Number exclusive_scan(Number value, Number* warps, Nu
         Number other = __shfl_up_sync(ALL, last, step);
         if (lane >= step) last += other;
     }
-    __syncthreads();  // of an earlier scan
+    __syncthreads();  // for an earlier scan
     if (lane == 31) warps[warp] = last;
     __syncthreads();
     Number before = last - value;
@@ -67,9 +67,9 @@ __device__ __forceinline__ Number exclusive_scan(Number value, Number* warps, Nu
     return before;
 }
 
-// One block: turns the ranges' numbers of chosen chunks into those before each range, and cuts slices: they end where
-// the chosen chunks nearer than the bin's end are a whole share of all. Both sums are found in one scan, in the halves
-// of a word. Returns the number of all chosen chunks.
+// Called by one block: turns the number of chosen chunks in each range into the number before each range, and divides
+// the depth bins into slices with equal shares of the chosen chunks. One scan computes both sums, in the halves of a
+// word. Returns the number of all chosen chunks.
 __device__ u32 add_up(const Frame& f, u64* warps) {
     constexpr int BINS = DEPTH_BINS / CHUNK, RANGES = MAX_RANGES / CHUNK;
     u32 counts[BINS], in_bins = 0, of_ranges[RANGES], in_ranges = 0;
@@ -107,7 +107,7 @@ __device__ u32 add_up(const Frame& f, u64* warps) {
     return total;
 }
 
-// Launched with at most MAX_RANGES blocks of CHUNK threads. `f` comes with the launch, other kernels find it at `frame`.
+// Launched with at most MAX_RANGES blocks of CHUNK threads. `f` is a launch argument; other kernels read it at `frame`.
 extern "C" __global__ void __launch_bounds__(CHUNK) begin(const __grid_constant__ Frame f, Frame* frame) {
     __shared__ u64 sums[CHUNK / 32];
     __shared__ bool last_block;
@@ -131,7 +131,7 @@ extern "C" __global__ void __launch_bounds__(CHUNK) begin(const __grid_constant_
         count += all;
     }
     if (threadIdx.x == 0) f.progress->before[blockIdx.x] = count;
-    // The block that finishes last adds up and cuts the slices: no further kernel, no waiting.
+    // The last block to finish adds up and divides the slices, which needs no further kernel and no waiting.
     __threadfence();
     __syncthreads();
     if (threadIdx.x == 0) last_block = atomicAdd(&f.progress->culled, 1) == gridDim.x - 1;

@@ -1,9 +1,9 @@
-// Writes the lists: depth and slot of every Gaussian that touches a tile, in no particular order within a slice.
+// Writes the lists: depth and slot of every Gaussian that touches a tile, in arbitrary order within a slice.
 #include "frame.cuh"
 #include "tiles.cuh"
 
-// Queues the segments of each lane's tile, so that all first ones are blended first, then all second ones, and so
-// on: when a later one is taken up, it is mostly known whether light still reaches it.
+// Queues the segments of each lane's tile, so that all first segments are blended first, then all second ones, and so
+// on. When a later segment is started, it is usually known whether light still reaches it.
 __device__ __forceinline__ void queue_tiles(const Frame& f, u32 tile, u32 entries) {
     int lane = threadIdx.x & 31;
     u32 segments = entries ? (entries - 1) / segment_length(*f.progress, entries) + 1 : 0;
@@ -15,7 +15,7 @@ __device__ __forceinline__ void queue_tiles(const Frame& f, u32 tile, u32 entrie
         f.partial_of[tile] = atomicAdd(&f.progress->partials, segments);
         f.finished[tile] = 0;
     }
-    // the others of one tile after the other, a segment a lane
+    // the other segments, tile by tile, with one segment per lane
     for (u32 left = __ballot_sync(ALL, segments > 1); left; left &= left - 1) {
         int owner = __ffs(left) - 1;
         u32 its_tile = __shfl_sync(ALL, tile, owner), count = __shfl_sync(ALL, segments, owner);
@@ -26,11 +26,11 @@ __device__ __forceinline__ void queue_tiles(const Frame& f, u32 tile, u32 entrie
     }
 }
 
-// Gives every list its place among the entries: in no order of tiles, but a tile's slices one after the other.
-// Then queues the tiles for blending. A block has CHUNK * 4 lists at a time, of whole tiles.
+// Assigns every list its place among the entries: tiles in arbitrary order, but a tile's slices one after the other.
+// Then queues the tiles for blending. A block processes CHUNK * 4 lists at a time, of whole tiles.
 extern "C" __global__ void __launch_bounds__(CHUNK) place(const Frame* frame) {
     __shared__ Frame f;
-    // Sums have 64 bits: a frame whose entries do not fit 32 must not pass for a small one.
+    // Sums have 64 bits, since a frame with more entries than fit in 32 bits must not look like a small one.
     __shared__ u64 warps[CHUNK / 32], ends[CHUNK];
     __shared__ u32 base;
     for (int word = threadIdx.x; word < FRAME_WORDS; word += CHUNK) ((u32*)&f)[word] = ((const u32*)frame)[word];
@@ -90,7 +90,7 @@ __device__ __forceinline__ void bin_all(const Frame* frame) {
         float depth = 0;
         if (box.z) s0 = f.splats[2 * slot], s1 = f.splats[2 * slot + 1], depth = f.depths[slot];
         auto enter = [&](bool hit, u32 list, u32 owner, float its_depth) {
-            // lanes with the same list take their places together
+            // lanes with the same list reserve their places together
             u32 peers = __match_any_sync(ALL, hit ? list : ALL);
             int leader = __ffs(peers) - 1;
             u32 at = 0;

@@ -1,16 +1,16 @@
-// Sorts the tiles' entries and blends them front to back. A block takes up one segment of a tile at a time. Each warp
-// has 8 × 4 pixels, one a lane; where a tile has fewer of those than the block has warps, several warps blend the same
-// pixels, each its part of the depth. Different depths are blended apart and put together in order, as
-// "over" is associative (Porter and Duff 1984).
+// Sorts the tiles' entries and blends them front to back. A block processes one segment of a tile at a time. Each warp
+// has 8 × 4 pixels, one per lane. If a tile has fewer such regions than the block has warps, several warps blend the
+// same pixels, each over a part of the depth. Parts are blended separately and combined in order, because "over" is
+// associative (Porter and Duff 1984).
 #include "frame.cuh"
 #include "pixels.cuh"
 
 constexpr int THREADS = 256, WARPS = THREADS / 32;
 constexpr int BIN_BITS = 11, BINS = 1 << BIN_BITS;  // of one histogram over depth
 constexpr int BATCH = 2048;                         // entries that are sorted and blended at a time
-constexpr int OWN = BATCH / THREADS;                // of them, or of the bins, one thread's
-constexpr u32 STEP = 512;                           // of them between two looks at whether light still passes
-constexpr u32 FEW = 128;                            // so many entries are sorted by comparing each with each
+constexpr int OWN = BATCH / THREADS;                // entries, or bins, per thread
+constexpr u32 STEP = 512;                           // entries between two checks of whether light still passes
+constexpr u32 FEW = 128;                            // up to this number, entries are sorted by comparing all pairs
 constexpr u64 NONE = ~0ull;
 
 struct __align__(16) Shared {
@@ -23,7 +23,7 @@ struct __align__(16) Shared {
     u32 low, high, ticket, whole;
 };
 
-// A run of entries; the first BATCH of them are read once and stay in registers.
+// A run of entries, of which the first BATCH are read once and stay in registers.
 struct Keys {
     const u64* entries;
     u32 n;
@@ -54,7 +54,7 @@ struct Keys {
     }
 };
 
-// The least and the greatest key of a run, give or take their lower halves.
+// Bounds on the keys of a run, from the minimum and maximum of their upper halves.
 __device__ __forceinline__ void find_range(Shared& s, const Keys& keys, u64& low, u64& high) {
     if (threadIdx.x == 0) s.low = ALL, s.high = 0;
     __syncthreads();
@@ -68,14 +68,14 @@ __device__ __forceinline__ void find_range(Shared& s, const Keys& keys, u64& low
     low = (u64)s.low << 32, high = (u64)s.high << 32 | ALL;
 }
 
-// Selects the nearest at most BATCH of the keys in [low, high], sorts them into s.order and moves `low` behind them.
-// A bucket sort: depth is nearly even within a slice, so a histogram whose bins hold about one entry sorts almost
-// alone, and counting within each bin does the rest. Where one bin alone is more than a batch, its own range is looked
-// at more closely, as in radix selection (Alabi et al. 2012); keys are unique, so that ends.
-// On the run's first batch, finds [low, high]. Returns the number of entries in s.order.
+// Selects up to BATCH of the nearest keys in [low, high], sorts them into s.order, and moves `low` past them.
+// This is a bucket sort: depths are distributed almost evenly within a slice, so a histogram with about one entry per
+// bin does most of the sorting, and counting within each bin does the rest. If a single bin exceeds a batch, its range
+// is divided again, as in radix selection (Alabi et al. 2012), which terminates because keys are unique.
+// For the first batch of the run, this also finds [low, high]. Returns the number of entries in s.order.
 __device__ __forceinline__ u32 next_batch(Shared& s, const u64* entries, u32 n, bool first, u64& low, u64& high) {
     int lane = threadIdx.x & 31, warp = threadIdx.x / 32;
-    if (n <= FEW) {  // everyone counts who is before him
+    if (n <= FEW) {  // each thread counts the keys before its own
         u64 key = threadIdx.x < n ? __ldg(&entries[threadIdx.x]) : NONE;
         if (threadIdx.x < FEW) s.keys[threadIdx.x] = key;
         __syncthreads();
@@ -135,7 +135,7 @@ __device__ __forceinline__ u32 next_batch(Shared& s, const u64* entries, u32 n, 
             if (key >= low && key <= to && bin < whole) s.keys[atomicAdd(&s.bins[bin], 1)] = key;
         });
         __syncthreads();
-        // each bin now knows its end; its start is the end of the bin before it
+        // s.bins now has the end of each bin, which is the start of the next one
         for (u32 k = threadIdx.x; k < taken; k += THREADS) {
             u64 key = s.keys[k];
             u32 bin = (key - low) >> shift;
@@ -150,13 +150,13 @@ __device__ __forceinline__ u32 next_batch(Shared& s, const u64* entries, u32 n, 
     }
 }
 
-// A pixel's colour so far, and the light that still passes.
+// A pixel's colour so far, and its transmittance.
 struct Pixel {
     float r, g, b, light;
     bool alive;
 };
 
-// Blends s.order[from, end) into each lane's pixel. The warp's pixel centres lie in [x0, x1] × [y0, y1].
+// Blends s.order[from, end) into each lane's pixel. The warp's pixel centres are in [x0, x1] × [y0, y1].
 __device__ __forceinline__ void blend_run(
     const Frame& f, const u32* order, u32 from, u32 end, float4 (*staged)[3], float px, float py,
     float x0, float x1, float y0, float y1, Pixel& pixel
@@ -172,7 +172,7 @@ __device__ __forceinline__ void blend_run(
     }
     for (u32 first = from; first < end; first += 32) {
         if (!__any_sync(ALL, least < ENDED)) break;
-        // Each lane looks at one splat: whether it touches this warp's pixels at all.
+        // Each lane checks one splat for whether it touches any of this warp's pixels.
         float4 s0 = next0, s1 = next1;
         bool hit = have && touches(Splat{s0.x, s0.y, s0.z, s0.w, s1.x, s1.y}, x0, x1, y0, y1);
         u32 hits = __ballot_sync(ALL, hit);
@@ -183,7 +183,7 @@ __device__ __forceinline__ void blend_run(
             staged[at][1] = make_float4(s1.x, s1.y, from_half(red_green), from_half(red_green >> 16));
             staged[at][2].x = from_half(__float_as_uint(s1.w));
         }
-        // the next splats are on their way while these are drawn
+        // load the next splats while these are drawn
         have = first + 32 + lane < end;
         if (have) {
             u32 slot = order[first + 32 + lane];
@@ -201,7 +201,7 @@ __device__ __forceinline__ void blend_run(
                 alpha = fminf(alpha, ALPHA_MAX);
                 float after = pixel.light * (1 - alpha);
                 if (after <= TRANSMITTANCE_MIN) {
-                    least = ENDED;  // not drawn, and the pixel ends [gsplat]
+                    least = ENDED;  // the splat is not drawn, and the pixel is finished [gsplat]
                 } else {
                     float weight = alpha * pixel.light;
                     pixel.r += weight * c.z, pixel.g += weight * c.w, pixel.b += weight * staged[k][2].x;
@@ -214,7 +214,7 @@ __device__ __forceinline__ void blend_run(
     pixel.alive = least < ENDED;
 }
 
-// One segment of a tile: as a partial picture of its own, as if nothing were before it.
+// Blends one segment of a tile to a partial image, as if there were nothing in front of it.
 template <int TILE>
 struct Blender {
     static constexpr int REGIONS = TILE * TILE / 32, PARTS = WARPS / REGIONS;
@@ -233,7 +233,7 @@ struct Blender {
         x0 = left + 0.5f, x1 = fminf(x0 + 7, f.width - 0.5f), y0 = top + 0.5f, y1 = fminf(y0 + 3, f.height - 0.5f);
     }
 
-    // entries [n], not sorted. All warps of a region end with the same pixels.
+    // Blends unsorted entries [n]. All warps of a region end up with the same pixels.
     __device__ __forceinline__ Pixel blend(const u64* entries, u32 n) {
         Pixel pixel = {0, 0, 0, 1, inside};
         float(*partial)[32][4] = (float(*)[32][4])s.keys;  // free while blending
@@ -262,7 +262,7 @@ struct Blender {
         return pixel;
     }
 
-    // Puts a partial picture behind the pixel's colour.
+    // Blends a partial image behind the pixel's colour.
     __device__ __forceinline__ void add(Pixel& pixel, float4 behind) {
         if (pixel.light <= TRANSMITTANCE_MIN) return;
         pixel.r += pixel.light * behind.x, pixel.g += pixel.light * behind.y, pixel.b += pixel.light * behind.z;
@@ -291,7 +291,7 @@ __device__ __forceinline__ void blend_all(const Frame* frame) {
         u32 ticket = s.ticket, segment = 0, ahead = 0;
         while (segment < MAX_SEGMENTS && ticket >= ahead + s.queued[segment]) ahead += s.queued[segment++];
         if (segment == MAX_SEGMENTS) {
-            // Each block comes here once; the last one resets the counters for the next frame.
+            // Each block gets here once; the last one resets the counters for the next frame.
             if (ticket == ahead + gridDim.x - 1) {
                 if (threadIdx.x < MAX_SEGMENTS) f.progress->queued[threadIdx.x] = 0;
                 if (threadIdx.x == 0) f.progress->taken = 0;
@@ -304,10 +304,10 @@ __device__ __forceinline__ void blend_all(const Frame* frame) {
         u32 segments = (n - 1) / length + 1;
         float* lights = f.lights + (u64)tile * MAX_SEGMENTS;
 
-        // A segment has the slices that begin in its part of the tile's entries.
+        // A segment consists of the slices that begin in its part of the tile's entries.
         if (threadIdx.x == 0) s.low = ALL, s.high = 0;
         bool dark = false;
-        if (segment) {  // the most light that all segments before this one, as far as they are finished, let through
+        if (segment) {  // an upper bound on the light that passes all finished segments before this one
             float light = 1;
             for (u32 k = threadIdx.x & 31; k < segment; k += 32) light *= __ldcg(&lights[k]);
             for (int step = 16; step; step /= 2) light *= __shfl_xor_sync(ALL, light, step);
@@ -333,7 +333,7 @@ __device__ __forceinline__ void blend_all(const Frame* frame) {
         }
         u32 slot = f.partial_of[tile];
         float4* partials = f.partials + (u64)slot * AREA + blender.region * 32 + blender.lane;
-        bool room = slot + segments <= f.capacity / 256;  // or the lists have overflowed, and the picture is void
+        bool room = slot + segments <= f.capacity / 256;  // otherwise the lists have overflowed: an invalid image
         if (blender.part == 0 && room) partials[segment * AREA] = make_float4(pixel.r, pixel.g, pixel.b, pixel.light);
         u32 most = __reduce_max_sync(ALL, blender.inside ? __float_as_uint(pixel.light) : 0);
         if (threadIdx.x == 0) s.high = 0;
@@ -347,7 +347,7 @@ __device__ __forceinline__ void blend_all(const Frame* frame) {
             s.low = atomicAdd(&f.finished[tile], 1);
         }
         __syncthreads();
-        if (s.low == segments - 1 && room) {  // the last to finish puts the partial pictures together
+        if (s.low == segments - 1 && room) {  // the last segment to finish combines the partial images
             __threadfence();
             pixel = {0, 0, 0, 1, false};
             for (u32 k = 0; k < segments; k++) blender.add(pixel, __ldcg(&partials[k * AREA]));

@@ -1,18 +1,17 @@
-// The depth that a frame carries: 8-bit codes, and the inverse depth of code 255, as encode/depth_segment.py makes
-// them on the host.
+// Encodes a frame's depth as 8-bit codes and the inverse depth of code 255, like encode/depth_segment.py on the host.
 #include "frame.cuh"
 
 constexpr int DEPTH_THREADS = 1024;
 constexpr int DIGIT = 11, DIGITS = 1 << DIGIT;  // of a radix selection, in a float's bits
-constexpr float OPACITY_MIN = 0.1f;             // as depth.py
-constexpr u32 CLIPPED = 200;                    // one in so many may be nearer than code 255, as depth_segment.py
+constexpr float OPACITY_MIN = 0.1f;             // as in raster/base.py
+constexpr u32 CLIPPED = 200;                    // one pixel in 200 may be nearer than code 255, as in depth_segment.py
 
-// Floats that are not negative are in the order of their bits.
+// The bits of the inverse depth, which have the same order as the values, because these are not negative.
 __device__ __forceinline__ u32 inverse_depth(float2 means) {
     return means.y >= OPACITY_MIN ? __float_as_uint(__fdividef(means.x, means.y)) : 0;
 }
 
-// The first 22 bits of the `rank`-th least inverse depth. All threads of the block call it.
+// The upper 22 bits of the `rank`-th smallest inverse depth. All threads of the block must call it.
 __device__ u32 radix_select(const float2* means, u32 count, u32 rank) {
     __shared__ u32 bins[DIGITS], warps[DEPTH_THREADS / 32], digit, rest;
     int lane = threadIdx.x & 31, warp = threadIdx.x / 32;
@@ -47,7 +46,8 @@ __device__ u32 radix_select(const float2* means, u32 count, u32 rank) {
     return prefix;
 }
 
-// One block, after the frame's depth was blended: the codes go behind it, the inverse depth of code 255 to status[2].
+// Launched with one block after blending. Writes the codes after the means, and the inverse depth of code 255 to
+// status[2].
 extern "C" __global__ void __launch_bounds__(DEPTH_THREADS) code_depth(const Frame* frame) {
     __shared__ u32 greatest;
     const Frame& f = *frame;
@@ -55,7 +55,7 @@ extern "C" __global__ void __launch_bounds__(DEPTH_THREADS) code_depth(const Fra
     u32 count = f.width * f.height, mine = 0;
     if (threadIdx.x == 0) greatest = 0;
     u32 bits = radix_select(means, count, count - 1 - (count - 1) / CLIPPED) << (32 - 2 * DIGIT);
-    if (bits == 0) {  // hardly anything is there: all of it counts
+    if (bits == 0) {  // almost all pixels are empty, so none is clipped
         for (u32 at = threadIdx.x; at < count; at += DEPTH_THREADS) mine = max(mine, inverse_depth(means[at]));
         atomicMax(&greatest, mine);
         __syncthreads();

@@ -1,9 +1,9 @@
-// From colours to bytes: RGB, planes as JPEG and video take them, or depth's numbers as they are.
+// Conversion of colours to bytes: RGB, planes for JPEG and video, or the numbers of depth unchanged.
 #pragma once
 #include "frame.cuh"
 
-// Planes' values for a colour in [0, 255]: luma from one pixel, chroma from the mean of four.
-// JFIF: BT.601, full range. Video: BT.709, limited range (ITU-R BT.709-6), as encode/yuv420p.py.
+// Values of the planes for a colour in [0, 255]: luma from one pixel, chroma from the mean of four.
+// JFIF: BT.601, full range. Video: BT.709, limited range (ITU-R BT.709-6), as in encode/images.py.
 struct Planes {
     bool video;
     float kr, kb;
@@ -23,7 +23,7 @@ struct Planes {
 
 __device__ __forceinline__ float rounded(float colour) { return floorf(clamp(colour, 0.f, 1.f) * 255 + 0.5f); }
 
-// Fills the whole picture with the background, or with zeros; `thread` of `threads`.
+// Fills the whole image with the background, or with zeros for depth. Called by thread number `thread` of `threads`.
 __device__ __forceinline__ void fill(const Frame& f, u32 thread, u32 threads) {
     if (f.format == DEPTH) {
         for (u32 at = thread; at < (u32)(f.width * f.height); at += threads) ((float2*)f.pixels)[at] = make_float2(0, 0);
@@ -48,7 +48,7 @@ __device__ __forceinline__ void fill(const Frame& f, u32 thread, u32 threads) {
     }
 }
 
-// Stores one pixel in the frame's format. All lanes of the warp call it: lanes 1 and 8 apart are neighbours.
+// Stores a pixel in the frame's format. All lanes of the warp must call it; lanes 1 and 8 apart are neighbours.
 __device__ __forceinline__ void store(const Frame& f, int x, int y, bool inside, float r, float g, float b) {
     if (f.format == DEPTH) {
         if (inside) ((float2*)f.pixels)[(u64)y * f.width + x] = make_float2(r, g);

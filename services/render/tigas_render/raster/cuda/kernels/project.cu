@@ -1,6 +1,7 @@
-// From Gaussians in space to records of those that are visible, and how many entries each tile's list will have.
+// Projects Gaussians to records of the visible ones, and counts the entries of each tile's list.
 // [3DGS] Kerbl et al. 2023: spherical harmonics. [EWA] Zwicker et al. 2002: the projected covariance.
-// [gsplat] Ye et al. 2024: clamping of the derivative. Twin: raster/reference.py. Filters: `footprint` in raster/base.py.
+// [gsplat] Ye et al. 2024: clamping of the derivative. Filters: `footprint` in raster/base.py.
+// reference/rasterizer.py is a slow reference of the same algorithm.
 #include "frame.cuh"
 #include "tiles.cuh"
 
@@ -8,8 +9,8 @@ struct Colour {
     float r, g, b;
 };
 
-// The colour seen along the unit direction (x, y, z). Coefficients come times the constants of their basis functions
-// [3DGS], in the order coefficient-major, red, green, blue; four a group.
+// The colour seen along the unit direction (x, y, z). Coefficients are already multiplied by the constants of their
+// basis functions [3DGS]; they are coefficient-major, then red, green, blue, with four per group.
 __device__ __forceinline__ Colour shade(const Frame& f, u32 i, float x, float y, float z) {
     float basis[16];
     float xx = x * x, yy = y * y, zz = z * z;
@@ -20,7 +21,7 @@ __device__ __forceinline__ Colour shade(const Frame& f, u32 i, float x, float y,
     basis[15] = x * (xx - 3 * yy);
     float colour[3] = {0.5f, 0.5f, 0.5f};
     int numbers = 3 * f.sh_coefficients;
-    // Degrees end in groups 1, 3, 7 and 12: each batch of loads is issued together before the first is used.
+    // Degrees end in groups 1, 3, 7 and 12. The loads of each degree are issued together before the first is used.
 #define GROUPS(FROM, TO)                                                                     \
     if (numbers > 4 * FROM) {                                                                \
         uint2 group[TO - FROM];                                                              \
@@ -41,7 +42,7 @@ __device__ __forceinline__ Colour shade(const Frame& f, u32 i, float x, float y,
     return {fmaxf(colour[0], 0.f), fmaxf(colour[1], 0.f), fmaxf(colour[2], 0.f)};
 }
 
-// EWA projection of Gaussian i. False if it cannot be drawn.
+// EWA projection of Gaussian i. Returns false if it cannot be drawn.
 template <int TILE>
 __device__ bool project_one(const Frame& f, u32 i, float4& s0, float4& s1, ushort4& box, float& depth) {
     float wx = f.means[i] - f.eye[0], wy = f.means[f.padded + i] - f.eye[1], wz = f.means[2 * f.padded + i] - f.eye[2];
@@ -56,7 +57,7 @@ __device__ bool project_one(const Frame& f, u32 i, float4& s0, float4& s1, ushor
     float scale1 = exp2f(f.scale_low + f.scale_step * (shape.x >> 16));
     float scale2 = exp2f(f.scale_low + f.scale_step * (shape.y & 0xffff));
     float qw = (short)shape.z, qx = (short)(shape.z >> 16), qy = (short)shape.w, qz = (short)(shape.w >> 16);
-    float q = 2 / (qw * qw + qx * qx + qy * qy + qz * qz);  // any length will do
+    float q = 2 / (qw * qw + qx * qx + qy * qy + qz * qz);  // for quaternions of any length
 
     float inverse = 1 / z;
     float tx = x * inverse, ty = y * inverse;
@@ -70,7 +71,7 @@ __device__ bool project_one(const Frame& f, u32 i, float4& s0, float4& s1, ushor
     float x0 = 1 - q * (qy * qy + qz * qz), x1 = q * (qx * qy - qw * qz), x2 = q * (qx * qz + qw * qy);
     float y0 = q * (qx * qy + qw * qz), y1 = 1 - q * (qx * qx + qz * qz), y2 = q * (qy * qz - qw * qx);
     float z0 = q * (qx * qz - qw * qy), z1 = q * (qy * qz + qw * qx), z2 = 1 - q * (qx * qx + qy * qy);
-    // half of J W R S: its product with its own transpose is the projected covariance
+    // the rows p and q of J W R S; its product with its transpose is the projected covariance
     float p0 = scale0 * (ax * x0 + ay * y0 + az * z0), p1 = scale1 * (ax * x1 + ay * y1 + az * z1);
     float p2 = scale2 * (ax * x2 + ay * y2 + az * z2);
     float q0 = scale0 * (bx * x0 + by * y0 + bz * z0), q1 = scale1 * (bx * x1 + by * y1 + bz * z1);
@@ -86,11 +87,11 @@ __device__ bool project_one(const Frame& f, u32 i, float4& s0, float4& s1, ushor
     float scale = 0.5f * LOG2_E / determinant;
     float reach = (log_alpha - LOG2_ALPHA_MIN) * (2 / LOG2_E);  // squared, in deviations
     float rx = sqrtf(reach * cxx), ry = sqrtf(reach * cyy);
-    // false for NaN, and for values that would overflow later on
+    // false for NaN, and for values that would overflow later
     if (!(determinant > 0 && scale * (cxx + cyy) < 1e6f && fabsf(u) < FARTHEST && fabsf(v) < FARTHEST &&
           rx < 1e30f && ry < 1e30f))
         return false;
-    // pixels whose centres lie within reach
+    // pixels with centres within reach
     int left = (int)(clamp(u - rx, 0.f, f.width) + 0.5f), right = (int)(clamp(u + rx, 0.f, f.width) + 0.5f);
     int top = (int)(clamp(v - ry, 0.f, f.height) + 0.5f), bottom = (int)(clamp(v + ry, 0.f, f.height) + 0.5f);
     if (left >= right || top >= bottom) return false;
@@ -106,7 +107,7 @@ __device__ bool project_one(const Frame& f, u32 i, float4& s0, float4& s1, ushor
     return true;
 }
 
-// The chunk that is number `at` of the chosen. It lies in the last range that has at most `at` of them before it.
+// The chosen chunk with index `at`, which is in the last range with at most `at` chosen chunks before it.
 __device__ __forceinline__ u32 chosen_chunk(const Frame& f, const u32* before, u32 ranges, u32 range, u32 at) {
     u32 low = 0, high = ranges;
     while (high - low > 1) {
@@ -117,7 +118,7 @@ __device__ __forceinline__ u32 chosen_chunk(const Frame& f, const u32* before, u
     return f.chosen[low * range + at - before[low]];
 }
 
-// One more entry for a list; lanes with the same list send one addition.
+// Counts an entry of a list, with a single addition for lanes with the same list.
 __device__ __forceinline__ void count_entry(const Frame& f, bool hit, u32 list) {
     u32 peers = __match_any_sync(ALL, hit ? list : ALL);
     if (hit && __ffs(peers) - 1 == (threadIdx.x & 31)) atomicAdd(&f.counts[list], __popc(peers));
@@ -133,7 +134,7 @@ __device__ __forceinline__ void project_all(const Frame* frame) {
     u32 chosen = min(f.progress->chosen, f.room), range = f.progress->range, ranges = f.progress->ranges;
     for (u32 k = threadIdx.x; k < ranges; k += CHUNK) before[k] = f.progress->before[k];
     for (u32 at = blockIdx.x, turn = 0; at < chosen; at += gridDim.x, turn++) {
-        if (turn % CHUNK == 0) {  // the chunks of the next turns are looked up side by side
+        if (turn % CHUNK == 0) {  // look up the chunks of the next turns in parallel
             __syncthreads();
             u32 its = at + threadIdx.x * gridDim.x;
             if (its < chosen) chunks[threadIdx.x] = chosen_chunk(f, before, ranges, range, its);
@@ -156,13 +157,13 @@ __device__ __forceinline__ void project_all(const Frame* frame) {
     }
 }
 
-// Counts the entries of the large Gaussians, when all are known.
+// Counts the entries of the large Gaussians, once all are known.
 template <int TILE>
 __device__ __forceinline__ void count_large(const Frame* frame) {
     __shared__ Frame f;
     for (int word = threadIdx.x; word < FRAME_WORDS; word += CHUNK) ((u32*)&f)[word] = ((const u32*)frame)[word];
     __syncthreads();
-    // a Gaussian is in a list once, so its lanes never share one
+    // a Gaussian is in a list only once, so its lanes never share a list
     for_each_large<TILE>(f, [&](bool hit, u32 list, u32, float) {
         if (hit) atomicAdd(&f.counts[list], 1);
     });

@@ -1,13 +1,13 @@
-// Hands out the tiles that Gaussians may touch evenly to threads, so that a large Gaussian holds up nobody.
+// Distributes the tiles that Gaussians may touch evenly among threads, so that large Gaussians do not hold up others.
 #pragma once
 #include "frame.cuh"
 
-// Gaussians that may touch more tiles than this get a block each, in a pass of their own; the others share their warp.
+// Gaussians that may touch more tiles than this get one block each, in a separate pass; the others share a warp.
 constexpr u32 LARGE = 32;
 
 __device__ __forceinline__ bool is_large(ushort4 box) { return (u32)box.z * box.w > LARGE; }
 
-// A Gaussian on its way to its tiles: its splat, the first of its candidates, its slice, depth and box of tiles.
+// A Gaussian on its way to tiles: its splat, the index of its first candidate, its slice, depth and box of tiles.
 struct Staged {
     float4 s0, s1;
     u32 first, slice;
@@ -16,7 +16,7 @@ struct Staged {
 };
 
 // Calls `visit(hit, list, depth)` for one candidate tile: whether the splat touches it, the tile's list for the splat's
-// slice of depth, and its depth. The lanes of a warp call it together; those with nothing to do are not `valid`.
+// slice of depth, and its depth. All lanes of a warp must call it, without `valid` if they have nothing to do.
 template <int TILE, class Visit>
 __device__ __forceinline__ void look(const Frame& f, bool valid, const Staged& g, u32 candidate, Visit visit) {
     bool hit = false;
@@ -34,8 +34,8 @@ __device__ __forceinline__ void look(const Frame& f, bool valid, const Staged& g
     visit(hit, list, depth);
 }
 
-// Visits, as above with the owning lane in between, each tile that a warp's 32 splats may touch; see `look`.
-// staged [32] in shared memory is the warp's own. A splat whose box has no columns, or is large, is left out.
+// Calls `visit(hit, list, owner, depth)`, with the owning lane, for each tile that a warp's 32 splats may touch, like
+// `look`. staged [32]: the warp's shared memory. Splats with an empty or large box are skipped.
 template <int TILE, class Visit>
 __device__ __forceinline__ void for_each_tile(
     const Frame& f, float4 s0, float4 s1, ushort4 box, float depth, Staged* staged, Visit visit
@@ -52,7 +52,7 @@ __device__ __forceinline__ void for_each_tile(
     u32 total = __shfl_sync(ALL, last, 31);
     for (u32 first = 0; first < total; first += 32) {
         u32 candidate = first + lane;
-        int owner = 0;  // the number of lanes whose candidates all come before this one
+        int owner = 0;  // the number of lanes with candidates that are all before this one
         for (int step = 16; step; step /= 2)
             if (__shfl_sync(ALL, last, owner + step - 1) <= candidate) owner += step;
         bool valid = candidate < total;
@@ -62,7 +62,7 @@ __device__ __forceinline__ void for_each_tile(
     __syncwarp();
 }
 
-// Visits each tile that the large Gaussians may touch, one Gaussian a block. `visit(hit, list, slot, depth)`.
+// Calls `visit(hit, list, slot, depth)` for each tile that the large Gaussians may touch, with one Gaussian per block.
 template <int TILE, class Visit>
 __device__ __forceinline__ void for_each_large(const Frame& f, Visit visit) {
     u32 count = f.progress->large;
