@@ -1,4 +1,4 @@
-"""The commands `tigas render` and `tigas scene`. Heavy imports wait until a command runs."""
+"""The commands `tigas render` and `tigas scene`. Heavy imports are deferred until a command runs."""
 
 from __future__ import annotations
 
@@ -201,12 +201,12 @@ def _bar(text: str) -> Iterator[Callable[[float], None]]:
 
 
 def _print_ladder(made: Made) -> None:
-    """The rungs, and below them the paper's, each with the hull's quality at the same bytes."""
+    """Print the rungs, and below them the paper's rungs, each with the hull's PSNR at the same frame size."""
     from rich.table import Table
 
     from tigas_render.ladder.make import hull, psnr_at
 
-    table = Table("rung", "kB", "PSNR, dB", "the scene's at as many kB", box=None)
+    table = Table("rung", "kB", "PSNR, dB", "the scene's at that size", box=None)
     for rung in made.file.rungs:
         table.add_row(rung.name, f"{rung.expected_kb:.1f}", f"{rung.psnr_db:.2f}", "")
     table.add_row("the paper's:")

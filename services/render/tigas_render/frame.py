@@ -20,30 +20,30 @@ CONTENT_TYPES: dict[AnswerFormat, str] = {
 }
 
 Transport = Literal["webtransport", "http3", "http1", "none"]
-"""How a viewer is reached; `none`: the service asks for a picture itself."""
+"""The transport of a viewer; `none` if the service requests an image itself."""
 
 
 class Client(NamedTuple):
-    """One viewer, as far as it can be identified. The engine is fair between addresses, and between an address's
-    sessions.
+    """One viewer, as far as it can be identified. The engine is fair between addresses, and between the sessions of an
+    address.
     """
 
     address: str
-    """Its IPv4 address, or the /64 of its IPv6 address."""
+    """IPv4 address, or the /64 of an IPv6 address."""
     session: str
-    """A name that no other session of the address has. Parallel connections of one viewer are `VIEWER/CONNECTION`."""
+    """A name that is unique for the address. Parallel connections of a viewer are `VIEWER/CONNECTION`."""
     transport: Transport = "none"
 
     @property
     def viewer(self) -> tuple[str, str]:
-        """Its address, and what all its connections have in common."""
+        """The address, and the part of the session's name that all connections of the viewer share."""
         return self.address, self.session.rpartition("/")[0] or self.session
 
 
 def obsoletes(request: RenderRequest, other: RenderRequest) -> bool:
-    """Whether a frame is useless to its session once there is another: it shows the same view at an earlier moment.
+    """Whether a request makes the frame of another useless to their session: the same view at an earlier time.
 
-    Requests without numbers and additional pictures, which have other lenses or no rung, obsolete no frame of a view.
+    Requests without numbers, and additional images with other lenses or no rung, do not obsolete the frames of a view.
     """
     return other.seq < request.seq and _kind(other) == _kind(request)
 
@@ -58,25 +58,25 @@ class Frame:
     """The answer to one RenderRequest."""
 
     body: bytes | memoryview
-    """To be read while there is the frame, and until `release` if it is a memoryview."""
+    """The encoded frame. A memoryview must not be read after `release`, or once the frame is dropped."""
     format: AnswerFormat
     width: int
-    """Pixels."""
+    """Width in pixels, including margins."""
     height: int
-    """Pixels."""
+    """Height in pixels, including margins."""
     seq: int
     profile: int | None
     timing: ServerTiming
     margin_x: int = 0
-    """Pixels beyond the viewport at the left, and as many at the right; they count in the width."""
+    """Pixels beyond the viewport on each side, left and right."""
     margin_y: int = 0
-    """The same at the top and at the bottom."""
+    """Pixels beyond the viewport on each side, top and bottom."""
     video: VideoInfo | None = None
-    """Its place in the session's video, if it is of one."""
+    """The frame's place in the session's video, if any."""
     coarse: bool = False
-    """Whether it shows a coarse scene, because the scene is loading."""
+    """Whether it shows a coarse scene, because the scene is still loading."""
     on_release: Callable[[], None] | None = None
-    """Releases the memory of the body."""
+    """Releases the body's memory."""
 
     def release(self) -> None:
         """Release the body's memory, after which it must not be read. Dropping a frame does the same."""
@@ -96,22 +96,22 @@ Withdraw = Callable[[], None]
 
 
 class FrameSource(ABC):
-    """Answers requests with frames: the engine, or a fake. It belongs to one event loop."""
+    """A source of frames, such as the engine. It belongs to one event loop."""
 
     @abstractmethod
     def request(self, client: Client, request: RenderRequest, arrived: float, answered: Answered) -> Withdraw:
-        """Request a frame, for a request received at a time of the monotonic clock.
+        """Request a frame. arrived: when the request was received, on the monotonic clock.
 
-        answered: called once, on the event loop and after this has returned, with the frame or an error: usually a
-        TigasError, such as UnknownScene, BrokenScene, Superseded, DeadlineExceeded or Overloaded. Returns a function
-        that cancels the request, after which `answered` is not called. Later calls have no effect.
+        answered: called once, on the event loop and after this has returned, with the frame or an error, usually a
+        TigasError such as UnknownScene, BrokenScene, Superseded, DeadlineExceeded or Overloaded. Returns a function
+        that cancels the request, after which `answered` is not called. Calling it again has no effect.
         """
 
-    def forget(self, client: Client) -> None:  # noqa: B027 - most keep nothing
-        """Drop the state of a client that has left, or missed a frame of its video: the next one is a key frame."""
+    def forget(self, client: Client) -> None:  # noqa: B027 - most sources keep nothing
+        """Drop the state of a client that has left or missed a frame of its video, so that it gets a key frame next."""
 
     async def submit(self, client: Client, request: RenderRequest, arrived: float) -> Frame:
-        """The frame for a request, like `request`; raises its error. Cancelling the call cancels the request."""
+        """Request a frame and wait for it. Raises the request's error. Cancelling the call cancels the request."""
         answer: asyncio.Future[Frame] = asyncio.get_running_loop().create_future()
         withdraw = self.request(client, request, arrived, partial(_resolve, answer))
         try:
@@ -119,7 +119,7 @@ class FrameSource(ABC):
         except asyncio.CancelledError:
             withdraw()
             if answer.done() and not answer.cancelled() and answer.exception() is None:
-                answer.result().release()  # it arrived at the moment of cancellation
+                answer.result().release()  # the frame arrived at the moment of cancellation
             raise
 
 

@@ -1,4 +1,4 @@
-"""A scene's Gaussians, as every loader gives them and every rasteriser takes them."""
+"""A scene's Gaussians, in the form that all loaders produce and all rasterisers consume."""
 
 from __future__ import annotations
 
@@ -15,27 +15,27 @@ Floats = NDArray[np.float32]
 
 @dataclass(frozen=True, slots=True)
 class Gaussians:
-    """N Gaussians with activations applied; contiguous, in the host's memory."""
+    """N Gaussians with activations applied, in contiguous arrays in the host's memory."""
 
     means: Floats
     """[N, 3] centres, in scene units."""
     scales: Floats
     """[N, 3] standard deviations along the Gaussian's own axes, in scene units."""
     quaternions: Floats
-    """[N, 4] unit quaternions w, x, y, z: the Gaussian's own axes to the scene."""
+    """[N, 4] unit quaternions w, x, y, z: the rotation from the Gaussian's own axes to the scene's."""
     opacities: Floats
     """[N] in [0, 1]."""
     sh: Floats
     """[N, K, 3] spherical-harmonic coefficients of the colour, K = (degree + 1)²."""
     antialiased: bool = field(default=False, kw_only=True)
-    """Whether they were trained with Mip-Splatting's 2D filter, and so have to be drawn with it."""
+    """Whether they were trained with Mip-Splatting's 2D filter, and so must be drawn with it."""
 
     def __len__(self) -> int:
         return len(self.means)
 
     @property
     def sh_degree(self) -> int:
-        """0 to 3."""
+        """The degree of the spherical harmonics, 0 to 3."""
         return math.isqrt(self.sh.shape[1]) - 1
 
     @property
@@ -48,23 +48,23 @@ class Gaussians:
         return sum(array.nbytes for array in self.arrays)
 
     def batches(self) -> Batches:
-        """All of them as one batch."""
+        """All Gaussians as one batch."""
         return Batches(len(self), iter((self,)))
 
 
 @dataclass(frozen=True, slots=True)
 class Batches:
-    """A scene being read, a block of Gaussians at a time, so that they need not all be in memory."""
+    """A scene being read, one block of Gaussians at a time, so that they need not all fit in memory."""
 
     most: int
-    """Gaussians that there are, or a few more: some may turn out not to be drawable."""
+    """Maximum number of Gaussians: some may turn out not to be drawable."""
     parts: Iterator[Gaussians]
-    """At least one, all of the same SH degree. Raises the errors of reading them."""
+    """At least one block, all of the same SH degree. Raises the errors of reading them."""
     check: Callable[[], None] = lambda: None
-    """Called at intervals by long computations on the Gaussians; raises to end them."""
+    """Called regularly by long computations on the Gaussians, and may raise an error to abort them."""
 
     def gathered(self) -> Gaussians:
-        """All of them."""
+        """Read and return all Gaussians."""
         first = next(self.parts)
         if len(first) == self.most:
             return first

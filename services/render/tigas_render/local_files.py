@@ -1,4 +1,4 @@
-"""This user's files outside of the models directory: the cache, keys, and temporary directories."""
+"""The user's files outside the models directory: the cache, keys, and temporary directories."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from tigas_common.files import read_regular
 logger = logging.getLogger(__name__)
 
 KEY_LENGTH = 32
-"""Bytes."""
+"""Length of a key in bytes."""
 YOUNG_S = 10.0
-"""Seconds after its creation for which a directory may not be locked yet."""
+"""Seconds after its creation in which a directory may not be locked yet."""
 
 
 def cache_directory() -> Path:
-    """Directory for reproducible data of this user's programs (XDG base directories)."""
+    """The user's directory for reproducible data (XDG base directories)."""
     return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "tigas"
 
 
 def kept_key(path: Path) -> bytes:
-    """The secret in a file private to this user, created if missing; an unusable one is replaced."""
+    """The secret in a private file of the user, created if missing. If that fails, a secret that is not stored."""
     key = os.urandom(KEY_LENGTH)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -44,9 +44,9 @@ def kept_key(path: Path) -> bytes:
 
 
 def write_to_cache(path: Path, content: bytes | Callable[[Path], object]) -> None:
-    """Write a file atomically, so that no reader sees a partial one. Failing to write is not an error.
+    """Write a file atomically, so that no reader sees a partial one. A failure is logged and otherwise ignored.
 
-    content: or a function that writes it to a path, which raises OSError.
+    content: bytes, or a function that writes the content to a path and may raise OSError.
     """
     temporary = path.with_suffix(f".{os.getpid()}.tmp")
     try:
@@ -64,10 +64,10 @@ def write_to_cache(path: Path, content: bytes | Callable[[Path], object]) -> Non
 
 @contextmanager
 def locked_directory(parent: Path, prefix: str) -> Iterator[Path]:
-    """A new directory private to this user, locked by a context manager.
+    """Create a private directory, and lock it as a context manager.
 
-    It is removed even if the process is killed: the next one removes the abandoned directories with the same prefix,
-    which belongs to one program alone. Raises OSError.
+    It is removed even if the process is killed, because the next call removes abandoned directories with the same
+    prefix, which must be unique to the program. Raises OSError.
     """
     _remove_abandoned(parent, prefix)
     with (
@@ -78,7 +78,7 @@ def locked_directory(parent: Path, prefix: str) -> Iterator[Path]:
 
 
 def _remove_abandoned(parent: Path, prefix: str) -> None:
-    """Remove the directories of this user's killed processes: the kernel releases a lock with its process."""
+    """Remove the directories of the user's killed processes, which the kernel has unlocked."""
     for path in parent.glob(f"{prefix}*"):
         with (
             suppress(OSError),
@@ -90,9 +90,9 @@ def _remove_abandoned(parent: Path, prefix: str) -> None:
 
 @contextmanager
 def locked(path: Path, how: int = LOCK_EX) -> Iterator[os.stat_result]:
-    """A directory's state, while other processes and threads that lock it are excluded.
+    """Lock a directory against other processes and threads, as a context manager that yields its state.
 
-    Raises OSError, also if `how` is not to wait and it is locked already.
+    Raises OSError, including when `how` has LOCK_NB and the directory is locked already.
     """
     fd = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
     try:

@@ -98,12 +98,12 @@ class RenderSettings(ServiceSettings):
 
     @property
     def addresses(self) -> list[Address]:
-        """All that the service listens on."""
+        """All addresses on which the service listens."""
         return [address for address in (self.http, self.https, self.quic) if address]
 
     @property
     def pages_edit_scenes(self) -> bool:
-        """The effective value of `edit_scenes`. An additional allowed name or page suggests a proxy in front."""
+        """The effective value of `edit_scenes`. Additional allowed hosts or origins suggest a proxy in front."""
         if self.edit_scenes is not None:
             return self.edit_scenes
         return not (reached_by_others(self.addresses) or self.allow_hosts or self.allow_origins)

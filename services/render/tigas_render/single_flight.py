@@ -1,4 +1,4 @@
-"""Work done once for all concurrent callers."""
+"""Work that is done once for all concurrent callers."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Value = TypeVar("Value")
 
 
 class SingleFlight(Generic[Key, Value]):
-    """Running work, by key."""
+    """Runs at most one task per key at a time, and shares its result among concurrent callers."""
 
     def __init__(self) -> None:
         self._tasks: dict[Key, asyncio.Task[Value]] = {}
@@ -20,14 +20,14 @@ class SingleFlight(Generic[Key, Value]):
         return len(self._tasks)
 
     async def get(self, key: Key, work: Callable[[], Coroutine[Any, Any, Value]]) -> Value:
-        """The result of the work for a key, which is started unless it is running. Raises the work's errors."""
+        """The result of the work for a key, which is started unless it is already running. Raises the work's errors."""
         task = self._tasks.get(key)
         if task is None:
             task = self._tasks[key] = asyncio.create_task(work())
             task.add_done_callback(lambda done: self._done(key, done))
-        return await asyncio.shield(task)  # shielded: one cancelled client must not fail the others
+        return await asyncio.shield(task)  # a cancelled caller must not cancel the work for the others
 
     def _done(self, key: Key, task: asyncio.Task[Value]) -> None:
         del self._tasks[key]
         if not task.cancelled():
-            task.exception()  # unhandled if all callers were cancelled
+            task.exception()  # marks it as retrieved, in case all callers were cancelled

@@ -1,7 +1,7 @@
-"""Keeps the downloadable files of scenes: each is made once, and the least recently used ones are removed to make room.
+"""A cache of scenes' downloadable files: each is made once, and the least recently used are removed to make room.
 
-Next to each file is its metadata, as JSON, written last: a file without it is incomplete. Several processes may share
-the directory. Files are sent whole or in ranges, to a number of clients at a time.
+Each file's metadata is written last, as JSON next to it, so a file without metadata is incomplete. Several processes
+may share the directory. Files are sent whole or in ranges, to a limited number of clients at a time.
 """
 
 from __future__ import annotations
@@ -39,13 +39,13 @@ from tigas_render.single_flight import SingleFlight
 _log = logging.getLogger(__name__)
 
 VERSION = 2
-"""Counts up when the content of the file changes, so that files of before are not taken for it."""
+"""Version of the files; increment it when their content changes, so that old cached files are not used."""
 CARD = ".json"
 """Suffix of a metadata file."""
 AT_ONCE, OF_AN_ADDRESS = 128, 32
-"""Answers at a time, each of which holds a connection and an open file until its client has read it."""
+"""Concurrent answers, in total and per address. Each holds a connection and an open file until it has been read."""
 ABANDONED_S = 600.0
-"""Age of an unfinished file from which on nobody is making it any more."""
+"""Age in seconds above which an unfinished file counts as abandoned."""
 RETRY_S = 5.0
 Check = Callable[[], None]
 """Raises Overloaded once the service is stopping."""
@@ -54,13 +54,13 @@ Make = Callable[[SceneSource, Path, Check], SceneDownload]
 
 
 class NoSuchDownload(TigasError):
-    """The server offers no downloads, or not this one."""
+    """The server does not offer this download, or any."""
 
     status, type, title = 404, "unknown-download", "There is no such download"
 
 
 class NoSpace(TigasError):
-    """The file cannot be kept."""
+    """The file cannot be stored."""
 
     status, type, title = 507, "no-space", "There is no space for the file"
 
@@ -74,9 +74,9 @@ class MadeFile:
 
 
 def make(source: SceneSource, path: Path, check: Check) -> SceneDownload:
-    """Write a scene's file; its peak memory is the scene's tensors.
+    """Write a scene's file, with all of the scene in memory.
 
-    Raises BrokenScene, Overloaded as `check` does, and OSError if it cannot be written.
+    Raises BrokenScene, the errors of `check`, and OSError if the file cannot be written.
     """
     gaussians = source.read(lambda _: check()).gathered()
     camera = SceneStatistics.of(gaussians).view(source.metadata).camera
@@ -89,22 +89,22 @@ def make(source: SceneSource, path: Path, check: Check) -> SceneDownload:
 
 
 class DownloadCache:
-    """Files in `directory`, of at most `limit` bytes together; with a limit of 0 no downloads are offered."""
+    """Files in `directory`, of at most `limit` bytes in total. With a limit of 0, no downloads are offered."""
 
     def __init__(self, directory: Path, limit: int, make: Make = make) -> None:
         self._directory = directory
         self._limit = limit
         self._make = make
         self._making = SingleFlight[Path, MadeFile]()
-        self._turns = asyncio.Lock()  # one scene at a time is in memory for it
+        self._turns = asyncio.Lock()  # so that only one scene at a time is in memory for this
         self._closed = False
 
     def close(self) -> None:
-        """End all making soon: the service is stopping."""
+        """Abort the files being made, because the service is stopping."""
         self._closed = True
 
     def offered(self, source: SceneSource) -> tuple[SceneDownload, ...]:
-        """The downloadable forms of a scene, and the file's metadata once it is made. Reads files."""
+        """The downloadable forms of a scene, with metadata for a file that has been made. Reads files."""
         if not self._limit or source.open is None:
             return ()
         whole = _about(self._path(source)) or SceneDownload()
@@ -113,16 +113,16 @@ class DownloadCache:
         return whole, SceneDownload(form="streamed", gaussians=source.gaussians)
 
     def level(self, source: SceneSource, name: str) -> tuple[Path, str]:
-        """One of the files of a streamed scene, and its version. Raises NoSuchDownload."""
+        """A file of a streamed scene, and its version. Raises NoSuchDownload."""
         if self._limit and source.folder is not None and source.format == FORMAT:
-            with contextlib.suppress(OSError):  # it was removed meanwhile, or its name is too long
+            with contextlib.suppress(OSError):  # removed in the meantime, or its name is too long
                 if (path := streamable(source.folder, name)) is not None:
                     status = path.stat()
                     return path, f"{status.st_mtime_ns:x}-{status.st_size:x}"
         raise NoSuchDownload(f"{source.name} has no file {name[:100]!r} to stream.")
 
     async def get(self, source: SceneSource) -> MadeFile:
-        """A scene's file; concurrent first requests make it once.
+        """A scene's file, made once for concurrent first requests.
 
         Raises NoSuchDownload, BrokenScene, NoSpace if the file does not fit on the disk or under the limit, and
         Overloaded if the service is stopping.
@@ -135,7 +135,7 @@ class DownloadCache:
         return await self._making.get(path, lambda: self._kept_or_made(source, path))
 
     def _path(self, source: SceneSource) -> Path:
-        """The file's name depends on everything that its content depends on."""
+        """The cache file, whose name depends on everything that its content depends on."""
         key = f"{VERSION}|{source.id}|{source.version}|{source.metadata.look}"
         return self._directory / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.compressed"
 
@@ -174,10 +174,10 @@ class DownloadCache:
         return about
 
     def _make_room(self, needed: int, spared: Path) -> None:
-        """Remove the least recently used files; open readers are not affected. Raises OSError."""
+        """Remove the least recently used files, without affecting open readers. Raises OSError."""
         used = []
         for path in self._directory.iterdir():
-            with contextlib.suppress(FileNotFoundError):  # another process has finished or removed it
+            with contextlib.suppress(FileNotFoundError):  # finished or removed by another process
                 stat = path.stat()
                 being_made = path.suffix == ".tmp" and time.time() - stat.st_mtime < ABANDONED_S
                 if path != spared and path.suffix != CARD and not being_made:
@@ -197,14 +197,14 @@ def _card(path: Path) -> Path:
 
 
 def _used(path: Path) -> SceneDownload | None:
-    """Like `_about`, marking the file as the most recently used by its access time."""
+    """Like `_about`, but also marks the file as most recently used, by its access time."""
     with contextlib.suppress(OSError):
         os.utime(path, ns=(time.time_ns(), path.stat().st_mtime_ns))
     return _about(path)
 
 
 def _about(path: Path) -> SceneDownload | None:
-    """Metadata of a complete file; None without one."""
+    """Metadata of a file; None if it is missing or incomplete."""
     try:
         about = parse(SceneDownload, _card(path).read_bytes())
         return about if path.stat().st_size == about.bytes else None
@@ -213,17 +213,17 @@ def _about(path: Path) -> SceneDownload | None:
 
 
 class Readers:
-    """Answers with files, up to the limit."""
+    """Answers requests with files, up to a limit of concurrent answers."""
 
     def __init__(self) -> None:
         self.limit = ConcurrencyLimit(AT_ONCE, OF_AN_ADDRESS)
 
     def answer(self, request: Request, path: Path, version: str | None, **options: Any) -> Response:
-        """Answer with a file, or a range of it. Sending it raises Overloaded beyond the limit."""
+        """Answer with a file, or a range of it, or 304. Sending the answer raises Overloaded beyond the limit."""
         headers = {
             "ETag": f'"{version}"',
             "Cache-Control": "no-cache",
-            "Timing-Allow-Origin": "*",  # so that a page of another origin sees how much was transferred
+            "Timing-Allow-Origin": "*",  # lets a page of another origin see how much was transferred
         }
         if has_already(request, headers["ETag"]):
             return Response(status_code=304, headers=headers)
@@ -231,7 +231,7 @@ class Readers:
 
 
 class _Reading(FileResponse):
-    """A file, sent as fast as its client takes it."""
+    """A file response that counts towards the limit until its client has read it."""
 
     chunk_size = 256 * 1024
 

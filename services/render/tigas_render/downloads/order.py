@@ -1,4 +1,4 @@
-"""In which order Gaussians are downloaded, so that the first of them are a picture of the whole scene."""
+"""The order in which Gaussians are downloaded, so that the first ones already show the whole scene."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from tigas_render.raster.morton import morton_codes
 from tigas_render.scenes.scene_file import growth
 
 SHARES = (0.02, 0.05, 0.1, 0.25, 0.5)
-"""Shares of a scene after which a picture of the received part is worthwhile."""
+"""Shares of a scene after which the received part is worth showing."""
 MULTIPLE = 256
-"""The number of Gaussians before such a point is a multiple of this, the chunk size of packed forms."""
+"""Parts have a multiple of this number of Gaussians, the chunk size of packed formats."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +25,7 @@ class Part:
 
     count: int
     growth: float
-    """How many times larger its Gaussians are best drawn, to close gaps."""
+    """The best factor by which to enlarge its Gaussians, to close gaps."""
 
     @property
     def comment(self) -> str:
@@ -35,7 +35,7 @@ class Part:
 
 @dataclass(frozen=True, slots=True)
 class Order:
-    """Indices of all Gaussians, and the parts that can be shown before all are there, the smallest first."""
+    """Indices of all Gaussians, and the parts that can be shown before all have arrived, smallest first."""
 
     indices: NDArray[np.int64]
     parts: tuple[Part, ...]
@@ -44,12 +44,12 @@ class Order:
 def download_order(gaussians: Gaussians, viewpoint: Point, check: Callable[[], None] = lambda: None) -> Order:
     """A random permutation weighted by the square root of each Gaussian's importance to a viewer near `viewpoint`.
 
-    Importance is opacity × area / squared distance: the covered area of the picture. In a strictly sorted order, the
-    small Gaussians of some surfaces would all be missing for a long time, and leave holes. Weighted sampling assigns
-    each Gaussian an exponential arrival time divided by its weight and sorts by it (Efraimidis and Spirakis 2006,
-    "Weighted random sampling with a reservoir"). The seed is fixed. Within a part, neighbours in space are neighbours.
+    Importance is opacity × area / squared distance: the covered area of the image. In a strictly sorted order, all
+    small Gaussians of some surfaces would be missing for a long time, and leave holes. Weighted sampling assigns each
+    Gaussian an exponential arrival time divided by its weight, and sorts by it (Efraimidis and Spirakis 2006, "Weighted
+    random sampling with a reservoir"). The seed is fixed. Within a part, Gaussians are in Z-order.
 
-    check: called between the steps, of which a sort takes longest; it may raise.
+    check: called between the steps, of which sorting takes longest, and may raise an error to abort.
     """
     importance = _importance(gaussians, viewpoint)
     check()
@@ -71,7 +71,7 @@ def _sorted(run: NDArray[np.int64], codes: NDArray[np.int64], check: Callable[[]
 
 
 def _importance(gaussians: Gaussians, viewpoint: Point) -> NDArray[np.float64]:
-    """[N], above 0. Viewers walk, so distances are clamped to at least half the median."""
+    """Importance [N], above 0. Distances are clamped to at least half the median, because viewers walk around."""
     means = gaussians.means.astype(np.float64)
     scales = np.sort(gaussians.scales.astype(np.float64), axis=1)
     squared = ((means - viewpoint) ** 2).sum(1)

@@ -1,16 +1,16 @@
-"""The depth of a frame, stored in its picture where every picture decoder skips it.
+"""The depth of a frame, stored in its image where all image decoders skip it.
 
-    a JPEG's first segment: APP9, its length, `tigas:depth` and a zero byte; `nearest`, float32; an 8-bit image
-    a WebP's last chunk: `TDEP`, its length; `nearest`, float32; an 8-bit image
+    in a JPEG, the first segment: APP9, its length, `tigas:depth` and a zero byte; `nearest`, float32; an 8-bit image
+    in a WebP, the last chunk: `TDEP`, its length; `nearest`, float32; an 8-bit image
 
-Numbers are big-endian, except for the length of a chunk. A pixel's code v is an inverse depth of nearest · v / 255: 0
+Numbers are big-endian, except for the length of a chunk. Code v of a pixel is an inverse depth of nearest · v / 255; 0
 is infinitely far.
 
-The image is a lossy WebP, or a grayscale JPEG if a device makes it (raster/cuda/kernels/depth.cu). For a view of the
-courtyard, at an error of 2.5 codes in 255 (less than a tenth of a pixel on the screen, after a step of 5 cm), it took
-0.52 kB and 0.5 ms; a grayscale JPEG at the same error took 1.0 kB and 0.03 ms. A frame of the lowest rung has 7 kB and
-costs 10 ms on the same cores, so bytes cost more. More effort (`method`) saves a tenth of the bytes for twice the time.
-A frame warped with the decoded depth loses 0.1 dB.
+The 8-bit image is a lossy WebP, or a grayscale JPEG if a device encodes it (raster/cuda/kernels/depth.cu). For a view
+of the courtyard, at an error of 2.5 codes in 255 (less than a tenth of a pixel on the screen, after a step of 5 cm), a
+WebP took 0.52 kB and 0.5 ms, and a grayscale JPEG 1.0 kB and 0.03 ms. A frame of the lowest rung has 7 kB and costs
+10 ms on the same cores, so bytes matter more. More effort (`method`) saves a tenth of the bytes for twice the time. A
+frame warped with the decoded depth loses 0.1 dB.
 """
 
 from __future__ import annotations
@@ -29,24 +29,24 @@ IDENTIFIER: Final = b"tigas:depth\0"
 QUALITY: Final = 40
 METHOD: Final = 2
 CLIPPED: Final = 0.005
-"""The share of the map that may be nearer than code 255: a speck before the lens must not take all codes."""
+"""Share of the map that may be nearer than code 255, so that a speck in front of the lens does not use up all codes."""
 
 _SOI, _APP9 = b"\xff\xd8", b"\xff\xe9"
 _CHUNK = struct.Struct("<4sI")
-"""The head of a RIFF chunk, a whole WebP among them; an odd length is followed by a byte that does not count."""
+"""The header of a RIFF chunk or of a whole WebP. Content of odd length is padded with a byte that does not count."""
 
 
 class CodedDepth(NamedTuple):
-    """A depth as frames carry it."""
+    """The encoded depth of a frame."""
 
     nearest: float
     """The inverse depth of code 255, in 1/scene units."""
     image: bytes
-    """An image of 8-bit codes, WebP or JPEG: code v is an inverse depth of nearest · v / 255."""
+    """A WebP or JPEG of 8-bit codes, where code v is an inverse depth of nearest · v / 255."""
 
 
 def coded(inverse: NDArray[np.float32]) -> CodedDepth:
-    """An inverse depth [h, w], in 1/scene units, as frames carry it."""
+    """Encode an inverse depth [h, w], in 1/scene units."""
     nearest, codes = quantised(np.ascontiguousarray(inverse))
     image = io.BytesIO()
     Image.fromarray(codes).save(image, "WEBP", quality=QUALITY, method=METHOD)
@@ -54,7 +54,7 @@ def coded(inverse: NDArray[np.float32]) -> CodedDepth:
 
 
 def with_depth(picture: bytes, depth: CodedDepth) -> bytes:
-    """A JPEG or WebP with a depth in it."""
+    """Insert a depth into a JPEG or WebP."""
     content = struct.pack(">f", depth.nearest) + depth.image
     if picture.startswith(b"RIFF"):
         chunks = picture[_CHUNK.size :] + _CHUNK.pack(b"TDEP", len(content)) + content + b"\0" * (len(content) % 2)

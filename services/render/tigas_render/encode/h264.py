@@ -1,9 +1,9 @@
-"""H.264 for one viewer: each input picture is output at once, as a key frame or predicted from the previous one.
+"""H.264 for one viewer: each image is output immediately, as a key frame or predicted from the previous image.
 
-A frame gets its share of the bit rate and hardly more, including key frames: a coarse one that arrives at once is worth
-more to a viewer than a fine one that is late. For that x264 keeps a constant rate, with a buffer (VBV) of two frames.
-The buffer is fixed when an encoder is opened, and with it the highest rate; rates down to half of it need no new
-encoder.
+A frame gets its share of the bit rate and hardly more, even if it is a key frame, because a coarse frame in time is
+worth more to a viewer than a fine frame that is late. x264 therefore keeps a constant rate, with a buffer (VBV) of two
+frames. The buffer, and with it the highest rate, is fixed when an encoder is opened; rates down to half of the highest
+do not need a new encoder.
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ from av.video.frame import PictureType
 from tigas_common.errors import TigasError
 
 PRESET: Final = "superfast"
-"""Smaller than `ultrafast` at equal quality for about the same time; slower ones gain nothing (docs/streams.md)."""
+"""Smaller than `ultrafast` at equal quality in about the same time; slower presets gain nothing (docs/streams.md)."""
 PROFILE: Final = "main"
-"""Its entropy coding is better than that of `baseline`, and every decoder knows it."""
+"""Has better entropy coding than `baseline`, and is supported by all decoders."""
 FRAMES_PER_S: Final = 60
-"""Nominal frame rate of the rate control, for any viewer: only the bits of a frame matter."""
+"""Nominal frame rate of the rate control, for all viewers: only the bits per frame matter."""
 LEAST_BITS, MOST_BITS = 1_000.0, 25_000_000.0
-"""In a frame, so that x264 can count with them."""
+"""Limits of the bits per frame, within x264's range."""
 HEADROOM: Final = 1.25
-"""How much higher than the rate at first an encoder's highest rate is."""
+"""Ratio of an encoder's highest rate to its initial rate."""
 RANGE: Final = 2.0
-"""How many times the rate may be below the highest."""
+"""Ratio of an encoder's highest rate to its lowest rate."""
 BUFFER_FRAMES: Final = 2.0
-"""Frames' shares at the highest rate that the buffer holds: x264 spends about half of its contents on a frame …"""
+"""Size of the buffer, in frames at the highest rate. x264 spends about half of the buffer on a frame."""
 BUFFER_BITS_PER_PIXEL: Final = 0.15
-"""… and its minimum: with less, a key frame is a smear that takes half a second to get sharp."""
+"""Minimum size of the buffer; with less, a key frame is blurred and takes half a second to become sharp."""
 
 _X264: Final = (
     "scenecut=0:sliced-threads=0:keyint=infinite:ref=1:bframes=0:rc-lookahead=0:force-cfr=1"
@@ -47,33 +47,33 @@ _SEI, _SPS = 6, 7
 
 
 class EncodingFailed(TigasError):
-    """The encoder gave no frame."""
+    """The encoder returned no frame."""
 
 
 class Encoded(NamedTuple):
-    """A picture in the video."""
+    """An encoded frame of the video."""
 
     body: bytes
-    """One access unit in Annex B's byte stream format; a key frame begins with its parameter sets."""
+    """One access unit in the byte stream format of Annex B; a key frame begins with its parameter sets."""
     codec: str
-    """Such as `avc1.4d401f` (RFC 6381)."""
+    """Codec string, such as `avc1.4d401f` (RFC 6381)."""
 
 
 class H264Encoder:
-    """Encodes pictures of one size. Not for several threads at a time."""
+    """Encodes images of one size. Not thread-safe."""
 
     def __init__(self, width: int, height: int, bits: float) -> None:
-        """width, height: even; bits: in a frame, at first. Raises EncodingFailed."""
+        """width, height: even numbers. bits: initial bits per frame. Raises EncodingFailed."""
         self.width, self.height = width, height
         self._most = HEADROOM * _counted(bits)
         self._number = 0
         self.codec = ""
-        """Known once there was a frame."""
+        """Codec string, known after the first frame."""
         codec = av.CodecContext.create("libx264", "w")
         assert isinstance(codec, av.VideoCodecContext)
         codec.width, codec.height, codec.pix_fmt = width, height, "yuv420p"
         codec.time_base, codec.framerate = Fraction(1, FRAMES_PER_S), Fraction(FRAMES_PER_S)
-        codec.bit_rate = most = _rate(self._most)  # equal to `maxrate`: a constant rate, even after changes
+        codec.bit_rate = most = _rate(self._most)  # equal to `maxrate`, for a constant rate even after changes
         codec.gop_size = 2**20  # key frames are requested explicitly
         codec.max_b_frames = 0
         codec.thread_count = 1
@@ -95,14 +95,14 @@ class H264Encoder:
             raise EncodingFailed(f"H.264 cannot be encoded at {width}×{height}: {error}.") from None
 
     def fits(self, width: int, height: int, bits: float) -> bool:
-        """Whether it can continue with pictures of this size and this number of bits per frame."""
+        """Whether this encoder can continue with images of this size and this number of bits per frame."""
         is_in_range = self._most / RANGE <= _counted(bits) <= self._most
         return (width, height) == (self.width, self.height) and is_in_range
 
     def encode(self, planes: bytes, bits: float, *, key: bool) -> Encoded:
-        """Encode a picture in the form of `encode_yuv420p` to about this many bits. The first is always a key frame.
+        """Encode planes from `encode_yuv420p` to about this number of bits. The first frame is always a key frame.
 
-        Raises EncodingFailed; the encoder's earlier output is then no longer referenced.
+        Raises EncodingFailed; the encoder must not be used after that.
         """
         rows = np.frombuffer(planes, np.uint8).reshape(self.height * 3 // 2, self.width)
         frame = av.VideoFrame.from_ndarray(rows, format="yuv420p")
@@ -122,13 +122,13 @@ class H264Encoder:
         if packets[0].is_keyframe:
             units = list(nal_units(body))
             self.codec = next(f"avc1.{unit[1:4].hex()}" for unit in units if unit[0] & 0x1F == _SPS)
-            # x264's name and settings, 700 bytes
+            # without SEI, which has x264's name and settings in 700 bytes
             body = b"".join(b"\0\0\0\1" + unit for unit in units if unit[0] & 0x1F != _SEI)
         return Encoded(body, self.codec)
 
 
 def nal_units(stream: bytes) -> Iterator[bytes]:
-    """The NAL units of a byte stream, without their start codes."""
+    """Split a byte stream into its NAL units, without start codes."""
     return (unit for unit in _START_CODE.split(stream)[1:] if unit)
 
 
@@ -137,5 +137,5 @@ def _counted(bits: float) -> float:
 
 
 def _rate(bits: float) -> int:
-    """Bits a second, as x264 counts them: in thousands."""
+    """Bits per second, rounded to thousands like x264's rates."""
     return round(_counted(bits) * FRAMES_PER_S / 1000) * 1000

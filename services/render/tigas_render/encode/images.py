@@ -1,4 +1,4 @@
-"""Single images: JPEG and WebP, lossless PNG for ground truth, and raw planes as the input of video encoders.
+"""Encoders of single images: JPEG and WebP, lossless PNG for ground truth, and raw planes for video encoders.
 
 Raw planes are YUV 4:2:0 in BT.709, limited range (ITU-R BT.709-6, sections 3.2 to 3.5).
 """
@@ -17,16 +17,16 @@ from PIL import Image
 Pixels = npt.NDArray[np.uint8]
 
 WEBP_METHOD: Final = 1
-"""Effort, 0 to 6: docs/streams.md compares them."""
+"""Effort, 0 to 6; see the comparison in docs/streams.md."""
 _OF_JPEG: Final = (1, 10, 20, 35, 65, 90, 100)
 _OF_WEBP: Final = (0, 3, 10, 28, 60, 88, 99)
-"""WebP quality with the PSNR of a JPEG quality, on the most demanding scene (docs/streams.md)."""
+"""JPEG qualities, and the WebP qualities with the same PSNR on the most demanding scene (docs/streams.md)."""
 KR, KB = 0.2126, 0.0722
 """BT.709's luma weights of red and blue."""
 
 
 def encode_jpeg(pixels: Pixels, quality: int) -> bytes:
-    """Encode RGB pixels [H, W, 3] at a quality of 1 to 100, with 4:2:0 chroma as usual for photographs."""
+    """Encode RGB pixels [H, W, 3] at a quality of 1 to 100, with 4:2:0 chroma as is usual for photographs."""
     encoded: bytes = simplejpeg.encode_jpeg(pixels, quality=quality, colorspace="RGB", colorsubsampling="420")
     return encoded
 
@@ -47,7 +47,7 @@ def encode_webp(pixels: Pixels, quality: int) -> bytes:
 
 
 def encode_yuv420p(pixels: Pixels) -> bytes:
-    """RGB pixels [H, W, 3] as planes Y [H, W], then Cb and Cr [⌈H/2⌉, ⌈W/2⌉], each chroma sample the mean of four."""
+    """Convert RGB pixels [H, W, 3] to planes Y [H, W], Cb and Cr [⌈H/2⌉, ⌈W/2⌉], averaging chroma over four pixels."""
     height, width = pixels.shape[:2]
     chroma = ((height + 1) // 2, (width + 1) // 2)
     planes = np.empty(height * width + 2 * chroma[0] * chroma[1], np.uint8)

@@ -1,6 +1,6 @@
-"""Each viewer's video: a chain of frames of which each refers to the one before it. Safe on any thread.
+"""Videos of viewers, as chains of frames that each refer to the previous one. Thread-safe.
 
-This is the one thing that the service keeps about a viewer, and it may go at any time, at the price of a key frame.
+This is the only state that the service keeps per viewer. It may be dropped at any time, which costs a key frame.
 """
 
 from __future__ import annotations
@@ -19,31 +19,31 @@ from tigas_render.frame import Client
 VIDEO_ENCODERS: Final = 64
 """Default maximum number of concurrent encoders."""
 USUAL_PIXELS: Final = 1280 * 720
-"""A larger video counts as several; one of this size takes about 20 MB."""
+"""Size above which a video counts as several; an encoder of this size takes about 20 MB."""
 RESTING_S: Final = 1.0
-"""A viewer without a request for this many seconds stands still, and may go on with a key frame."""
+"""Seconds without a request after which a viewer is standing still, and may continue with a key frame."""
 IDLE_S: Final = 10.0
-"""A viewer without a request for this many seconds gets a new chain."""
+"""Seconds without a request after which a viewer gets a new chain."""
 
 
 @dataclass(slots=True, eq=False)
 class VideoChain:
-    """One viewer's; `lock` is held while a frame of it is encoded."""
+    """One viewer's chain. `lock` is held while a frame is encoded."""
 
     used_at: float
     weight: float = 1
-    """As how many encoders it counts."""
+    """Number of encoders as which it counts."""
     lock: threading.Lock = field(default_factory=threading.Lock)
     encoder: H264Encoder | None = None
     last: int | None = None
-    """The number of the frame that the next one can refer to."""
+    """Number of the frame to which the next one can refer."""
     began: int = 0
-    """The number of the last key frame."""
+    """Number of the last key frame."""
     is_broken: bool = False
-    """Whether the next frame is to be a key frame, as the viewer does not get the last one."""
+    """Whether the next frame must be a key frame, because the viewer does not get the last one."""
 
     def encode(self, seq: int, video: VideoRequest, width: int, height: int, planes: bytes) -> tuple[bytes, VideoInfo]:
-        """As `VideoChains.encode`; with the lock held."""
+        """Implementation of `VideoChains.encode`. The caller must hold the lock."""
         if self.last is not None and seq < self.last and not video.key:
             raise Superseded("A newer view of this client has been encoded already.")
         bits = 1000 * video.bitrate_kbps / video.frames_per_s
@@ -55,7 +55,7 @@ class VideoChain:
         key = self.last is None or video.key or self.is_broken
         if key:
             self.began, self.is_broken = seq, False
-        self.encoder = None  # unless it gives a frame, it is not to be trusted
+        self.encoder = None  # not reused if it fails
         body, codec = encoder.encode(planes, bits, key=key)
         self.encoder = encoder
         after, self.last = None if key else self.last, seq
@@ -63,17 +63,17 @@ class VideoChain:
 
 
 class VideoChains:
-    """All that one engine has."""
+    """All chains of one engine."""
 
     def __init__(self, most: int, clock: Callable[[], float]) -> None:
-        """most: maximum number of encoders; beyond it, the address with the most loses its least recently used one.
+        """most: maximum number of encoders. Above it, the address with the most loses its least recently used chain.
 
-        If it has just one, a large video, the chain at rest for the longest time goes instead, if there is any.
+        If it has only one, a large video, the chain that has been at rest for longest is dropped instead, if any.
         """
         self._most = most
         self._clock = clock
         self._chains: OrderedDict[Client, VideoChain] = OrderedDict()
-        """In order of the last request."""
+        """Chains by client, in the order of their last request."""
         self._lock = threading.Lock()
 
     def __len__(self) -> int:
@@ -82,23 +82,23 @@ class VideoChains:
     def encode(
         self, client: Client, seq: int, video: VideoRequest, width: int, height: int, planes: bytes
     ) -> tuple[bytes, VideoInfo]:
-        """The next frame of a viewer's video, from planes as `encode_yuv420p` gives them, and its place in it.
+        """Encode the next frame of a viewer's video, from planes of `encode_yuv420p`. Also returns its place there.
 
-        Waits for the one before it. Raises Superseded if a later one has been encoded, and EncodingFailed.
+        Waits for the previous frame. Raises Superseded if a later one has been encoded already, and EncodingFailed.
         """
         chain = self._chain(client, max(1, width * height / USUAL_PIXELS))
         with chain.lock:
             return chain.encode(seq, video, width, height, planes)
 
     def lost(self, client: Client, seq: int) -> None:
-        """An encoded frame was not delivered, so that no later one may refer to it. Does not block."""
+        """Record that an encoded frame was not delivered, so that no later one may refer to it. Does not block."""
         with self._lock:
             chain = self._chains.get(client)
             if chain is not None and seq >= chain.began:
                 chain.is_broken = True
 
     def forget(self, client: Client) -> None:
-        """Begin anew if this viewer comes back."""
+        """Drop a viewer's chain, so that its next frame starts a new one."""
         with self._lock:
             self._chains.pop(client, None)
 

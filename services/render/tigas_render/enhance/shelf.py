@@ -1,4 +1,4 @@
-"""Weights of scenes' networks, and whether they fit: a scene's own, or the general ones."""
+"""The weights of networks, a scene's own or the general ones, and checks of whether they fit the scene."""
 
 from __future__ import annotations
 
@@ -22,34 +22,34 @@ _log = logging.getLogger(__name__)
 
 
 class NoWeights(TigasError):
-    """There is no network for the scene."""
+    """There are no networks for the scene."""
 
     status, type, title = 404, "no-weights", "There are no such networks"
 
 
 class NoPlace(TigasError):
-    """The service may not write next to the scene."""
+    """The service has no permission to write next to the scene."""
 
     status, type, title = 409, "read-only-scene", "The scene's folder cannot be written"
 
 
 class Shelf:
-    """The available weights. Methods read files, and belong into a worker thread."""
+    """The available weights. Methods read files, so call them in a worker thread."""
 
     def __init__(self, ladder: Sequence[Rung], cache: Path, general: Path = GENERAL_FILE) -> None:
-        """ladder: of scenes without their own."""
+        """ladder: for scenes without their own."""
         self._ladder = ladder
         self._cache = cache / "enhance"
         self._general = general
 
     def place(self, source: SceneSource) -> Path:
-        """Path of a scene's own weights: in its folder, or in the cache if it has none."""
+        """Path of a scene's own weights, in its folder, or in the cache if it has no folder."""
         if source.folder is not None:
             return source.folder / FILE
         return self._cache / f"{source.id}.safetensors"
 
     def writable_place(self, source: SceneSource) -> Path:
-        """The same, if a file can be written there. Raises NoPlace."""
+        """Path of a scene's own weights, if it can be written. Raises NoPlace."""
         place = self.place(source)
         try:
             if source.folder is None:
@@ -61,20 +61,20 @@ class Shelf:
         return place
 
     def rename(self, source: SceneSource, id: str) -> None:
-        """Keep a scene's own weights when it gets another id: those in its folder have moved with it."""
+        """Keep a scene's own weights when its id changes. Weights in its folder have moved with the folder."""
         if source.folder is None:
             place = self.place(source)
-            with suppress(OSError):  # most scenes have none
+            with suppress(OSError):  # most scenes have no weights
                 place.replace(place.with_name(f"{id}.safetensors"))
 
     def remove(self, source: SceneSource) -> None:
-        """Remove the own weights of a scene that is removed: those in its folder are gone with it."""
+        """Remove a removed scene's own weights. Weights in its folder were removed with the folder."""
         if source.folder is None:
-            with suppress(OSError):  # the scene is gone already
+            with suppress(OSError):  # most scenes have no weights, and this one has been removed already
                 self.place(source).unlink()
 
     def kind(self, source: SceneSource) -> Literal["scene", "general"] | None:
-        """Networks that can enhance a scene's frames."""
+        """The kind of networks that can enhance a scene's frames, if any."""
         if isinstance(self._own(source), Weights):
             return "scene"
         general = self._read(self._general)
@@ -82,12 +82,12 @@ class Shelf:
         return "general" if fits else None
 
     def problem(self, source: SceneSource) -> str | None:
-        """Why a scene's own file is unusable; None without one."""
+        """Why a scene's own weights are unusable; None if they are usable or missing."""
         own = self._own(source)
         return own if isinstance(own, str) else None
 
     def content(self, source: SceneSource) -> bytes:
-        """The file of a scene's own. Raises NoWeights, and BrokenWeights if they do not fit."""
+        """The content of a scene's own weights file. Raises NoWeights, and BrokenWeights if they do not fit."""
         own = self._own(source)
         if own is None:
             raise NoWeights(f"{source.name} has no networks yet.")
@@ -96,13 +96,13 @@ class Shelf:
         return _bytes(self.place(source))
 
     def general(self) -> bytes:
-        """The file of the general ones. Raises NoWeights."""
+        """The content of the general weights file. Raises NoWeights."""
         if not self._general.is_file():
             raise NoWeights("There are no general networks.")
         return _bytes(self._general)
 
     def _own(self, source: SceneSource) -> Weights | str | None:
-        """A scene's own weights, or why they are unusable; None without any."""
+        """A scene's own weights, or why they are unusable; None if there are no weights."""
         own = self._read(self.place(source))
         if isinstance(own, Weights):
             return own.misfit(_digest(source), source.ladder or self._ladder) or own
@@ -118,7 +118,7 @@ class Shelf:
 
 @lru_cache(maxsize=256)
 def _parsed(path: Path, size: int, modified_ns: int) -> Weights | str:
-    """A file's content as long as its size and its time stay the same."""
+    """Parse a file, cached while its size and time stay the same. Returns the error's text if it is broken."""
     try:
         return parse_weights(_bytes(path))
     except BrokenWeights as error:
@@ -134,7 +134,7 @@ def _bytes(path: Path) -> bytes:
 
 
 def _digest(source: SceneSource) -> str | None:
-    """The conditions that a scene's own weights must match; its file is read once for them."""
+    """The digest of the scene's file, which its own weights must match; None if the file cannot be read."""
     try:
         return None if source.digest is None else source.digest()
     except OSError:

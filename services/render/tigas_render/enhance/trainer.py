@@ -1,7 +1,7 @@
-"""Trains a scene's networks in a child process of low priority, which renders its training data here like any client.
+"""Trains a scene's networks in a child process of low priority, which requests its training data like any client.
 
-One at a time, since it occupies a processor or the GPU for a minute. The child writes its file atomically at the end:
-stopping it leaves the scene unchanged.
+Only one training runs at a time, because it occupies a processor or the GPU for a minute. The child writes its file
+atomically at the end, so stopping it leaves the scene unchanged.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from tigas_common.wire.render import Training
 
 NICENESS = 15
 STOP_S = 5.0
-"""Seconds after the request to end until a child is killed."""
+"""Seconds after which a child that has been asked to exit is killed."""
 MOST_SAID = 4096
-"""Limits in bytes: of a line of progress, and of the kept standard error of a child."""
+"""Maximum number of bytes in a line of progress, and of a child's standard error to keep."""
 
 _log = logging.getLogger(__name__)
 
@@ -37,26 +37,26 @@ class NoTraining(TigasError):
 
 
 class TrainingRuns(TigasError):
-    """One scene's networks are trained already."""
+    """Another training is running already."""
 
     status, type, title = 409, "training-runs", "Networks are being trained"
 
 
 def why_no_training() -> str | None:
-    """One sentence on why networks cannot be trained here; None if they can."""
+    """Why networks cannot be trained here, in one sentence; None if they can."""
     if find_spec("torch"):
         return None
     return f"Training needs PyTorch, which this server does not have: {install_command('lab')}, or the GPU image."
 
 
 def command(scene_id: str, out: Path, url: str, device: str) -> list[str]:
-    """The command line of a training."""
+    """The command line that trains a scene's networks."""
     where = ["--render", url, "--out", str(out), "--device", device]
     return tigas("enhance", "train", "--json", *where, "--", scene_id)
 
 
 class Trainer:
-    """The running training, and the result of each scene's last training. `device` is the training device."""
+    """The running training, and the result of each scene's last training. device: the device to train on."""
 
     def __init__(self, device: str, command: Callable[[str, Path, str, str], list[str]] = command) -> None:
         self._device = device
@@ -65,7 +65,7 @@ class Trainer:
         self._running: tuple[str, asyncio.Task[Training]] | None = None
 
     def state(self, scene_id: str) -> Training:
-        """How far a scene's training is, or how its last one ended."""
+        """Progress of a scene's training, or the result of its last training."""
         return self._states.get(scene_id, Training(state="idle"))
 
     def start(self, scene_id: str, out: Path, url: str) -> Training:
@@ -79,7 +79,7 @@ class Trainer:
         return self.state(scene_id)
 
     async def stop(self, scene_id: str) -> Training:
-        """Stop a scene's training, if it runs, and wait until it has ended."""
+        """Stop a scene's training, if it is running, and wait until it has ended."""
         if self._running is not None and self._running[0] == scene_id:
             await self.close()
         return self.state(scene_id)

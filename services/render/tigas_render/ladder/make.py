@@ -1,4 +1,4 @@
-"""A scene's ladder from its measurements to its file and plot: `tigas scene ladder`."""
+"""The making of a scene's ladder, from the measurements to the file and plot (`tigas scene ladder`)."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ class Made:
     file: LadderFile
     candidates: Sequence[Point]
     paper: Sequence[Point]
-    """Bytes and errors of the paper's rungs on the same views."""
+    """Sizes and errors of the paper's rungs on the same views."""
 
 
 def find_scene(name: str) -> SceneSource:
-    """A scene's folder or file, or a built-in scene by its id. Raises StartError."""
+    """Find a scene by its folder or file, or a built-in scene by its id. Raises StartError."""
     path = Path(name)
     if path.exists():
         source = read_source(path.resolve())
@@ -77,10 +77,10 @@ def make(
 
 
 def hull(points: Sequence[Point]) -> list[Point]:
-    """The lower convex hull of mean squared error over bytes, from the fewest bytes to the least error.
+    """The lower convex hull of mean squared error over bytes, from the fewest bytes to the smallest error.
 
-    No mixture of other settings has less error at the same bytes: the hull of per-title encoding (Netflix, 2015). PSNR
-    over the logarithm of bytes is unsuitable, because nearly all of its points are below the line between its ends.
+    No mixture of other settings has a smaller error at the same bytes. This is the hull of per-title encoding (Netflix,
+    2015). PSNR over the logarithm of bytes is unsuitable, since almost all points are below the line between its ends.
     """
     kept: list[Point] = []
     for point in sorted(points, key=lambda point: (point.kb, point.mse)):
@@ -93,10 +93,10 @@ def hull(points: Sequence[Point]) -> list[Point]:
 
 
 def choose(points: Sequence[Point], number: int = RUNGS) -> tuple[Rung, ...]:
-    """This many rungs, or fewer if the hull has no more; best first.
+    """Choose up to `number` rungs, best first; fewer if the hull has fewer points.
 
-    They are on the hull, spaced as evenly by the logarithm of bytes as possible, so that no switch is a jump, and none
-    has more pixels than a better one, so that less detail never takes longer to render.
+    Rungs are on the hull, spaced as evenly as possible by the logarithm of bytes, so that no switch is a jump. None has
+    more pixels than a better rung, so that less detail never takes longer to render.
     """
     kept = hull(points)
     low, high = math.log(kept[0].kb), math.log(kept[-1].kb)
@@ -115,13 +115,13 @@ def choose(points: Sequence[Point], number: int = RUNGS) -> tuple[Rung, ...]:
 
 
 def psnr_at(kept: Sequence[Point], kb: float) -> float:
-    """PSNR in dB of a hull at this many kilobytes: of frames mixed from its two nearest settings."""
+    """PSNR of a hull in dB at a size in kilobytes, for a mixture of frames with the two nearest settings."""
     mse = np.interp(kb, [point.kb for point in kept], [point.mse for point in kept])
     return 10 * math.log10(255**2 / float(mse))
 
 
 def rung(point: Point) -> Rung:
-    """A setting as a rung, with its measured bytes and error."""
+    """Convert a setting to a rung, with its measured size and error."""
     return Rung(
         name=point.name,
         width=point.width,
@@ -137,12 +137,12 @@ def _slope(start: Point, end: Point) -> float:
 
 
 def write_ladder(path: Path, file: LadderFile) -> None:
-    """Write a ladder.json in one step: a process that is killed meanwhile leaves the old one. Raises OSError."""
+    """Write a ladder.json atomically. Raises OSError."""
     replace_file(path, f"{file.model_dump_json(indent=2)}\n".encode())
 
 
 def check_plot(path: Path) -> None:
-    """Raises StartError without matplotlib, and for a file that is to be neither PNG nor SVG."""
+    """Raise StartError if matplotlib is missing, or if the file is neither PNG nor SVG."""
     if find_spec("matplotlib") is None:
         raise StartError(f"A plot needs matplotlib: {install_command('lab')}")
     if path.suffix.lower() not in (".png", ".svg"):
@@ -150,7 +150,7 @@ def check_plot(path: Path) -> None:
 
 
 def draw(made: Made, name: str, path: Path) -> None:
-    """Write a .png or .svg. Raises OSError."""
+    """Plot a ladder and its measurements to a .png or .svg. Raises OSError."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(7, 4.2), layout="constrained")

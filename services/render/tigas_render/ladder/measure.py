@@ -1,6 +1,6 @@
-"""Bytes of a scene's views, and their error, at each size and JPEG quality.
+"""Sizes and errors of a scene's views at each resolution and JPEG quality.
 
-A frame is rendered as for the display, encoded, decoded, and enlarged by the page's bicubic filter.
+A frame is rendered as for the display, encoded, decoded, and enlarged with the page's bicubic filter.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ from tigas_render.raster.base import Camera, PreparedScene, Rasterizer
 from tigas_render.scenes.scene_file import Listener
 
 DISPLAY = (1280, 720)
-"""Pixels of the picture that a viewer sees."""
+"""Size in pixels of the image that a viewer sees."""
 SIZES = tuple((32 * step, 18 * step) for step in (40, 35, 30, 26, 23, 20, 17, 15, 13, 11, 9, 8))
-"""Of frames, width and height in pixels: 16:9, and even."""
+"""Widths and heights of frames in pixels, all 16:9 and even."""
 QUALITIES = tuple(range(10, 95, 5))
 """JPEG qualities: above 90, frames grow by half for an invisible gain."""
 PER_WALK = 3
 TRIES = 4
-"""Maximum number of poses tried for a view that is not empty."""
+"""Maximum number of poses to try for each non-empty view."""
 LEAST_CONTENT = 0.04
-"""The share of a view's pixels that must show something other than the background."""
+"""Minimum share of a view's pixels that show something other than the background."""
 
 Pixels = NDArray[np.uint8]
 Setting = tuple[int, int, int]
@@ -45,7 +45,7 @@ CANDIDATES: tuple[Setting, ...] = tuple((*size, quality) for size, quality in pr
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """A setting's outcome over all views."""
+    """The result of a setting, averaged over all views."""
 
     width: int
     height: int
@@ -57,7 +57,7 @@ class Point:
 
     @property
     def name(self) -> str:
-        """Such as `640×360 q50`."""
+        """Name of the setting, such as `640×360 q50`."""
         return f"{self.width}×{self.height} q{self.quality}"
 
     @property
@@ -66,7 +66,7 @@ class Point:
 
 
 def walks(axes: SceneAxes, seed: str) -> Iterator[Pose]:
-    """An endless sequence of poses of people walking around the start camera; the same for a seed."""
+    """An endless sequence of poses of people walking around the start camera, determined by the seed."""
     chance = Random(seed)
     while True:
         yield from along(axes.walk(chance), chance)[:: PER_MOVEMENT // PER_WALK]
@@ -81,13 +81,13 @@ def measure(
     listener: Listener,
     views: int,
 ) -> list[Point]:
-    """The outcome of each setting over this many non-empty views from `poses`. Raises StartError."""
+    """Measure each setting on up to `views` non-empty views from `poses`. Raises StartError if all are empty."""
     totals = np.zeros((len(settings), 2))
     sizes = sorted({setting[:2] for setting in settings}, reverse=True)
     number = 0
 
     def rendered(pose: Pose, size: tuple[int, int]) -> Pixels:
-        """As the service renders it for the display."""
+        """Render a view like the service does for the display."""
         enlarged = math.sqrt(DISPLAY[0] * DISPLAY[1] / (size[0] * size[1]))
         lens = intrinsics(*DISPLAY).resized(*size)
         camera = Camera(pose, lens, background, max(1.0, enlarged), full_detail=True)
@@ -122,7 +122,7 @@ def _shows_something(picture: Pixels, background: tuple[float, float, float]) ->
 
 
 def _outcome(frame: Pixels, quality: int, truth: NDArray[np.float32]) -> tuple[float, float]:
-    """Bytes, and mean squared error at display size."""
+    """The size in bytes, and the mean squared error at display size."""
     body = encode_jpeg(frame, quality)
     with Image.open(io.BytesIO(body)) as opened:
         shown = opened.convert("RGB").resize(DISPLAY, Image.Resampling.BICUBIC)

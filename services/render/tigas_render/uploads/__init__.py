@@ -1,1 +1,1 @@
-"""Files that pages bring, in parts, to become scenes."""
+"""Uploads of scene files from pages, in parts."""

@@ -1,6 +1,6 @@
-"""Files being uploaded to the models directory: the received part of each is in a hidden folder there.
+"""Files being uploaded to the models directory. The received part of each is in a hidden folder there.
 
-All state is on disk, so that every process of the service may accept any part of any upload. All calls block.
+All state is on disk, so that every process of the service can accept any part of any upload. All calls block.
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ from tigas_render.local_files import locked
 from tigas_render.settings import RenderSettings
 
 FOLDER = ".uploads"
-"""In the models directory; no scan looks into it."""
+"""Name of the folder in the models directory, which scans ignore."""
 MOST, MOST_OF_ADDRESS = 8, 4
-"""Uploads at a time, of all clients and of one."""
+"""Maximum number of concurrent uploads, in total and per address."""
 IDLE_S = 3600.0
 """Seconds without data after which an upload is dropped."""
 STALLED_S = 300.0
-"""Seconds without data after which an upload loses its slot and its reserved disk space; an empty one is dropped."""
+"""Seconds without data after which an upload loses its slot and reserved disk space; an empty one is dropped."""
 RETRY_S = 60.0
 MODELS = "models"
 EDITING_FORBIDDEN = "Pages may not change this service's scenes; outside a cluster, --edit-scenes allows it."
 _ID = re.compile("[0-9a-f]{32}")
 _ABOUT, _ADDED = ".about", ".added"
-"""No scene is called so, and the file is called as its scene is to be: that is how sentences about it name it."""
+"""Other files in an upload's folder. The uploaded file is called like its future scene, as error messages name it."""
 
 
 class ScenesFixed(TigasError):
@@ -45,7 +45,7 @@ class ScenesFixed(TigasError):
 
 
 class UnknownUpload(TigasError):
-    """There is no such upload, or it was given up."""
+    """The upload does not exist, or has been discarded."""
 
     status, type, title = 404, "unknown-upload", "There is no such upload"
 
@@ -58,35 +58,35 @@ class WrongOffset(TigasError):
 
 @dataclass(frozen=True, slots=True)
 class Upload:
-    """One file on its way."""
+    """A file being uploaded."""
 
     id: str
     scene: str
-    """File name of the scene."""
+    """Id of the future scene, and name of the file."""
     length: int
-    """Bytes."""
+    """Total size in bytes."""
     offset: int
-    """How many of them are here."""
+    """Number of bytes received."""
     path: Path
-    """Where they are."""
+    """Path of the received part."""
     added: bool
-    """Whether it is a scene now; then they are here no longer."""
+    """Whether the file has become a scene, and has been moved away."""
     address: str
-    """Of the client that began it."""
+    """Address of the client that started the upload."""
 
 
 class Uploads:
-    """All that are on their way to one models directory."""
+    """All uploads to a models directory."""
 
     def __init__(self, models: Path, limit: int, clock: Callable[[], float] = time.time) -> None:
-        """limit: of a file, in bytes; clock: seconds since 1970, as files have them."""
+        """limit: maximum size of a file in bytes. clock: seconds since 1970, like the times of files."""
         self.models = models
         self.limit = limit
         self._root = models / FOLDER
         self._clock = clock
 
     def create(self, scene: str, length: int, address: str) -> Upload:
-        """Begin one. Raises BodyTooLarge, Overloaded if there are too many, DiskFull and StorageFailed."""
+        """Start an upload. Raises BodyTooLarge, Overloaded if there are too many, DiskFull and StorageFailed."""
         if length > self.limit:
             raise BodyTooLarge(f"The file has {_gb(length)}; this service accepts up to {_gb(self.limit)}.")
         with storage_explained(MODELS):
@@ -111,7 +111,7 @@ class Uploads:
         return self.get(folder.name)
 
     def get(self, id: str) -> Upload:
-        """How far one is. Raises UnknownUpload."""
+        """The state of an upload. Raises UnknownUpload."""
         folder = self._folder(id)
         try:
             about = json.loads((folder / _ABOUT).read_text())
@@ -123,7 +123,7 @@ class Uploads:
         return Upload(id, about["scene"], about["length"], offset, path, added, about.get("address", ""))
 
     def append(self, id: str, offset: int, part: bytes) -> None:
-        """Append a part; of two concurrent requests, the later one is refused.
+        """Append a part. Of two concurrent requests, the later one is refused.
 
         Raises UnknownUpload, WrongOffset, BodyTooLarge, DiskFull and StorageFailed.
         """
@@ -141,15 +141,15 @@ class Uploads:
                 rest = rest[file.write(rest) :]
 
     def note_adding(self, upload: Upload) -> None:
-        """Take it for a scene, for clients that ask again, once its file has moved. Raises OSError."""
+        """Note that the file is about to be moved, after which the upload counts as added. Raises OSError."""
         (self._folder(upload.id) / _ADDED).touch()
 
     def locked(self, upload: Upload) -> AbstractContextManager[object]:
-        """Keep other processes from checking an upload meanwhile. Raises OSError."""
+        """Prevent other processes from checking an upload, as a context manager. Raises OSError."""
         return locked(self._folder(upload.id))
 
     def discard(self, id: str) -> None:
-        """Give one up. Raises UnknownUpload."""
+        """Discard an upload. Raises UnknownUpload."""
         shutil.rmtree(self.get(id).path.parent, ignore_errors=True)
 
     def expire(self) -> None:

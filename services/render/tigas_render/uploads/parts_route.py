@@ -1,6 +1,6 @@
-"""Parts of uploads over HTTP by tus 1.0 (https://tus.io/protocols/resumable-upload), which resumes interrupted uploads.
+"""Parts of uploads over HTTP, with tus 1.0 (https://tus.io/protocols/resumable-upload), which resumes broken uploads.
 
-The only request with a large body, accepted by the process that holds the client's connection; the rest is in `routes`.
+As the only request with a large body, it is handled by the process with the client's connection; `routes` has the rest.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ PATH = "/uploads"
 VERSION = "1.0.0"
 CONTENT = "application/offset+octet-stream"
 WRITE_BYTES = 1 << 20
-"""Bytes written at a time."""
+"""Number of bytes written at a time."""
 
 Endpoint = Callable[[Request], Awaitable[Response]]
 
@@ -36,20 +36,20 @@ class OtherVersion(TigasError):
 
 
 class NotAPart(TigasError):
-    """A body that does not say that it is a part of an upload."""
+    """The content type of the body is not that of a part of an upload."""
 
     status, type, title = 415, "not-a-part", "This is not a part of an upload"
 
 
 def uploads_app(settings: RenderSettings) -> Starlette:
-    """An application with the route for parts only."""
+    """Create an application with only the route for parts."""
     app = Starlette(routes=[PART], exception_handlers=EXCEPTION_HANDLERS)
     app.state.settings = settings
     return app
 
 
 def tus(endpoint: Endpoint) -> Endpoint:
-    """Checks the protocol version, and adds it to every answer."""
+    """Decorate an endpoint to check the protocol version, and to add it to every answer."""
 
     @wraps(endpoint)
     async def answer(request: Request) -> Response:
@@ -68,7 +68,7 @@ def tus(endpoint: Endpoint) -> Endpoint:
 
 @tus
 async def append(request: Request) -> Response:
-    """The next part of an upload. Received data is kept, wherever the connection breaks."""
+    """Append the next part of an upload. Received data is kept even if the connection breaks."""
     uploads, id = open_uploads(request.app.state.settings), request.path_params["id"]
     if request.headers.get("content-type") != CONTENT:
         raise NotAPart(f"Content-Type: a part of an upload is {CONTENT}.")
@@ -81,7 +81,7 @@ async def append(request: Request) -> Response:
 
 
 async def _parts(request: Request) -> AsyncIterator[bytes]:
-    """The body in pieces to be written; it ends where the client leaves."""
+    """Yield the body in pieces to be written. It ends early if the client disconnects."""
     waiting = bytearray()
     try:
         async for part in request.stream():
@@ -103,4 +103,4 @@ def number_of(request: Request, header: str) -> int:
 
 
 PART = Route(f"{PATH}/{{id}}", append, methods=["PATCH"])
-"""For an application whose `state.settings` are RenderSettings."""
+"""The route, for an application with RenderSettings as `state.settings`."""

@@ -1,4 +1,4 @@
-"""Uploads over HTTP by tus 1.0: creation, status and removal. `parts_route` accepts their contents."""
+"""Uploads over HTTP, with tus 1.0: creation, status and removal. `parts_route` accepts their contents."""
 
 from __future__ import annotations
 
@@ -37,13 +37,13 @@ async def create(request: Request) -> Response:
     await asyncio.to_thread(check_free, uploads.models, scene)
     address = client_network(request.client.host) if request.client else ""
     upload = await asyncio.to_thread(uploads.create, scene, length, address)
-    # relative, so that it is right behind a proxy that serves this under another path
+    # relative, so that it is correct behind a proxy that serves this at another path
     return Response(status_code=201, headers={"Location": f"uploads/{upload.id}"})
 
 
 @tus
 async def progress(request: Request) -> Response:
-    """How much of an upload is here."""
+    """Progress of an upload, as tus headers."""
     uploads = open_uploads(request.app.state.settings)
     upload = await asyncio.to_thread(uploads.get, request.path_params["id"])
     return Response(headers={"Upload-Offset": str(upload.offset), "Upload-Length": str(upload.length)})
@@ -51,7 +51,7 @@ async def progress(request: Request) -> Response:
 
 @tus
 async def discard(request: Request) -> Response:
-    """Give an upload up."""
+    """Discard an upload."""
     uploads = open_uploads(request.app.state.settings)
     await asyncio.to_thread(uploads.discard, request.path_params["id"])
     return Response(status_code=204)
@@ -76,4 +76,4 @@ UPLOADS = (
     PART,
     Route(f"{PATH}/{{id}}", discard, methods=["DELETE"]),
 )
-"""For an application whose `state.settings` are RenderSettings."""
+"""The routes, for an application with RenderSettings as `state.settings`."""
