@@ -145,5 +145,5 @@ def test_a_device_that_cannot_be_used_is_named_and_the_others_serve() -> None:
         fleet.errors.seek(0)
         line, *_ = fleet.errors.read().splitlines()  # it may have been tried again by now
     assert re.fullmatch(
-        r"The engine on cuda:99 did not start: .*\. It is tried again in 15 s; others do its work meanwhile\.", line
+        r"The engine on cuda:99 did not start: .*\. It is restarted in 15 s; others replace it until then\.", line
     )

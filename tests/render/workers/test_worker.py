@@ -181,7 +181,7 @@ async def test_one_that_does_not_start_is_tried_again_ever_more_rarely_while_ano
     said = capsys.readouterr().err.splitlines()
     for line, delay in zip(said, ("0.001", "0.002", "0.004", "0.008"), strict=False):
         assert line == (
-            f"The engine on a did not start: It is lost. It is tried again in {delay} s; others do its work meanwhile."
+            f"The engine on a did not start: It is lost. It is restarted in {delay} s; others replace it until then."
         )
 
 
@@ -204,7 +204,7 @@ async def test_one_that_ends_too_often_is_tried_again_while_another_serves(
 
     def is_said() -> bool:
         said.append(capsys.readouterr().err)
-        why = "exited 5 times within 60 s, the last time with exit status 1. It is lost. It is tried again in 15 s"
+        why = "exited 5 times within 60 s, the last time with exit status 1. It is lost. It is restarted in 15 s"
         return why in "".join(said)
 
     await eventually(is_said)

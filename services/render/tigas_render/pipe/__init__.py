@@ -1,1 +1,1 @@
-"""The connection between the processes that talk to viewers (edges) and the one that renders (the engine)."""
+"""The pipe between the processes that serve viewers (edges) and a process that renders (an engine)."""

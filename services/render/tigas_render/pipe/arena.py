@@ -1,7 +1,7 @@
-"""Shared memory for one edge's frames: the engine writes them, the edge reads and releases them.
+"""Shared memory for the frames of one edge: the engine writes them, and the edge reads and releases them.
 
-A memfd has no name: it disappears with the last process that has it open, however that ends. Its size is sealed, since
-shrinking it would crash the other process.
+A memfd has no name, so it disappears with the last process that has it open, even after a crash. Its size is sealed,
+because shrinking it would crash the other process.
 """
 
 from __future__ import annotations
@@ -12,16 +12,16 @@ import os
 from bisect import bisect_left
 
 GRAIN = 64
-"""Allocation granularity in bytes: a processor cache line."""
+"""Allocation granularity in bytes, the size of a cache line."""
 PASSED = b"\0"
-"""The data with which an arena is passed: a descriptor needs some."""
+"""Data to send along with an arena's file descriptor, which cannot be sent alone."""
 
 
 class Arena:
-    """The engine's side. The lowest room that fits is taken, so that the same pages are used again and again."""
+    """The engine's side. Frames get the lowest free space that fits, so that the same pages are reused."""
 
     def __init__(self, size: int) -> None:
-        """size: in bytes; memory is used only as far as frames ever reached."""
+        """size: in bytes. Memory is used only up to the highest address of any frame so far."""
         self._fd = os.memfd_create("tigas frames", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
         try:
             os.ftruncate(self._fd, size)
@@ -31,22 +31,22 @@ class Arena:
             os.close(self._fd)
             raise
         self._free = [(0, size)]
-        """Offset and length, in order; neighbours are merged."""
+        """Offsets and lengths of free space, in order, with neighbours merged."""
         self._taken: dict[int, int] = {}
-        """Length by offset."""
+        """Lengths of used space by offset."""
 
     @property
     def fd(self) -> int:
-        """To be passed to the edge, until `close`."""
+        """The file descriptor to pass to the edge, valid until `close`."""
         return self._fd
 
     @property
     def used(self) -> int:
-        """Bytes that are taken."""
+        """Number of bytes in use."""
         return sum(self._taken.values())
 
     def write(self, body: bytes | memoryview) -> int | None:
-        """Copy a frame to free space; its offset, or None if there is no space."""
+        """Copy a frame to free space. Returns its offset, or None if there is not enough space."""
         length = max(GRAIN, -(-len(body) // GRAIN) * GRAIN)
         position = next((position for position, (_, room) in enumerate(self._free) if room >= length), None)
         if position is None:
@@ -59,7 +59,7 @@ class Arena:
         return offset
 
     def free(self, offset: int) -> None:
-        """Take a frame's room back. Raises KeyError if none was written there."""
+        """Free a frame's space. Raises KeyError if there is no frame at the offset."""
         length = self._taken.pop(offset)
         position = bisect_left(self._free, (offset, length))
         if position < len(self._free) and self._free[position][0] == offset + length:
@@ -72,14 +72,14 @@ class Arena:
             self._free.insert(position, (offset, length))
 
     def close(self) -> None:
-        """Give the memory back, once; the edge keeps its own mapping until it ends."""
+        """Release the memory. The edge keeps its own mapping until it exits. Further calls have no effect."""
         if not self._memory.closed:
             self._memory.close()
             os.close(self._fd)
 
 
 def map_arena(fd: int) -> memoryview:
-    """The edge's side: all of an arena, to be read only; the descriptor is closed. Raises ValueError and OSError."""
+    """The edge's side: map a whole arena read-only, and close the descriptor. Raises ValueError and OSError."""
     try:
         return memoryview(mmap.mmap(fd, 0, prot=mmap.PROT_READ))
     finally:

@@ -1,4 +1,4 @@
-"""An edge's end of its pipe: it answers requests with the engine's frames, and reconnects to a restarted engine."""
+"""An edge's end of its pipe, which answers requests with the engine's frames and reconnects to a restarted engine."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ RETRY_AFTER_S: Final = 1.0
 CONNECT_AGAIN_S: Final = 0.1
 
 OnState = Callable[[float, float], None]
-"""Called with the age of the engine's queue, in seconds, and its utilisation, 0 to 1."""
+"""Called with the age of the engine's queue in seconds, and its utilisation, 0 to 1."""
 
 
 class EngineGone(Overloaded):
-    """There is no engine, or no more."""
+    """The engine is not available, or is down."""
 
     def __init__(self) -> None:
         super().__init__("The renderer is restarting; try again soon.", RETRY_AFTER_S)
 
 
 class PipeClient(FrameSource):
-    """The frames of the engine behind a Unix socket; an async context manager that keeps the pipe open.
+    """Frames of the engine behind a Unix socket; an async context manager that keeps the pipe open.
 
     While the engine is down, requests are answered with Overloaded and a retry time.
     """
@@ -48,9 +48,9 @@ class PipeClient(FrameSource):
         self._on_state = on_state
         self._link: EngineLink | None = None
         self.connections = 0
-        """Number of connections made: a new engine has no loaded scenes."""
+        """Number of connections so far. A new connection means a new engine, without loaded scenes."""
         self.connected_at = 0.0
-        """When it was the last time, on the monotonic clock."""
+        """Time of the last connection, on the monotonic clock."""
 
     async def __aenter__(self) -> Self:
         self._keeping = asyncio.create_task(self._keep())
@@ -62,17 +62,17 @@ class PipeClient(FrameSource):
 
     @property
     def is_connected(self) -> bool:
-        """Whether there is an engine now."""
+        """Whether the engine is connected now."""
         return self._link is not None and not self._link.lost.done()
 
     @property
     def lost(self) -> asyncio.Future[None]:
-        """Done once the connected engine is down; requires a connection."""
+        """Done once the connected engine is down. Available only after a connection."""
         assert self._link is not None
         return self._link.lost
 
     def give_up(self, reason: str) -> None:
-        """Drop the connected engine: pending requests are answered, and a new connection is made."""
+        """Drop the connected engine. Pending requests are answered with an error, and a new connection is made."""
         if self._link is not None:
             self._link.abort(reason)
 
@@ -86,7 +86,7 @@ class PipeClient(FrameSource):
             self._link.forget(client)
 
     def tell(self, state: LoadState) -> None:
-        """Send this edge's measurements to the engine; lost while it is down."""
+        """Send this edge's measurements to the engine. They are dropped while it is down."""
         if self._link is not None:
             self._link.send(framed(Kind.STATS, self._edge, state))
 
@@ -122,14 +122,14 @@ class PipeClient(FrameSource):
 
 
 class EngineLink(Link):
-    """The pipe while it is open."""
+    """An open pipe to the engine."""
 
     def __init__(self, arena: memoryview, on_state: OnState) -> None:
         super().__init__()
         self._arena = arena
         self._on_state = on_state
         self._waiting: dict[int, Answered] = {}
-        """By this edge's number for the request."""
+        """Pending requests by the edge's request number."""
         self._next = 0
         self.lost: asyncio.Future[None] = self._loop.create_future()
         """Done once the pipe is closed."""
@@ -137,7 +137,7 @@ class EngineLink(Link):
     def connection_lost(self, exc: Exception | None) -> None:
         if not self.lost.done():
             self.lost.set_result(None)
-        self._arena = memoryview(b"")  # the last frame in the memory releases it
+        self._arena = memoryview(b"")  # the memory is released with the last frame in it
         waiting, self._waiting = self._waiting, {}
         for answered in waiting.values():
             _call(answered, EngineGone())
@@ -165,7 +165,7 @@ class EngineLink(Link):
 
     def _frame(self, id: int, offset: int, length: int, *values: Any) -> None:
         frame = unpack_frame(self._arena[offset : offset + length], values, partial(self._release, offset))
-        if (answered := self._waiting.pop(id, None)) is None:  # withdrawn when it was on its way
+        if (answered := self._waiting.pop(id, None)) is None:  # withdrawn while the frame was on its way
             frame.release()
         else:
             _call(answered, frame)
@@ -178,7 +178,7 @@ class EngineLink(Link):
         self.send_with_next(framed(Kind.RELEASE, offset))
 
     def _withdraw(self, id: int, video_of: tuple[str, ...] | None) -> None:
-        """video_of: the client, if the frame is of a video."""
+        """video_of: the client, if the frame belongs to a video."""
         if self._waiting.pop(id, None) is not None:
             self.send(framed(Kind.WITHDRAW, id, video_of))
 
@@ -186,17 +186,17 @@ class EngineLink(Link):
 def _call(answered: Answered, answer: Frame | Exception) -> None:
     try:
         answered(answer)
-    except Exception:  # the pipe is everybody's
+    except Exception:  # all viewers share the pipe
         logger.exception("An answer was not delivered")
 
 
 def no_engine(answered: Answered) -> Withdraw:
-    """Answer a request that cannot reach an engine."""
+    """Answer a request with an error because it cannot reach an engine."""
     return asyncio.get_running_loop().call_soon(answered, EngineGone()).cancel
 
 
 async def _receive_arena(sock: socket.socket) -> memoryview:
-    """The arena that the engine passes first of all. Raises ValueError and OSError."""
+    """Receive the arena, which is the first thing that the engine sends. Raises ValueError and OSError."""
     loop = asyncio.get_running_loop()
     readable = loop.create_future()
     loop.add_reader(sock, lambda: None if readable.done() else readable.set_result(None))
@@ -206,5 +206,5 @@ async def _receive_arena(sock: socket.socket) -> memoryview:
         loop.remove_reader(sock)
     _, fds, _, _ = socket.recv_fds(sock, len(PASSED), 1)
     if not fds:
-        raise ConnectionError("The engine has passed no arena.")
+        raise ConnectionError("The engine did not send an arena.")
     return map_arena(fds[0])

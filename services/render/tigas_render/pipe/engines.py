@@ -1,9 +1,9 @@
-"""The frames of several engines as one source: a scene is served by few of them, a session by one, with the others as
-reserve.
+"""The frames of several engines as one source. A few engines serve a scene, and one of them serves a session, with the
+others in reserve.
 
-`Placement` chooses the engines of a scene. An engine without the scene first gets a request on no viewer's behalf, and
-gets viewers once that is answered, as long as another engine can serve them meanwhile. The same applies to the next
-engine of a scene that may soon need it.
+`Placement` chooses the engines of a scene. An engine without the scene first gets a request that no viewer is waiting
+for, and gets viewers once that is answered, provided that another engine can serve them in the meantime. The same
+applies to the next engine of a scene that may soon need it.
 """
 
 from __future__ import annotations
@@ -25,24 +25,24 @@ from tigas_render.pipe.client import EngineGone, OnState, PipeClient, no_engine
 from tigas_render.pipe.remote_engine import REFUSALS, RemoteEngine
 
 SILENT_S: Final = 1.0
-"""Seconds without a load report after which an engine has stopped; reports are ten times as frequent."""
+"""Seconds without a load report after which an engine counts as stopped; reports are ten times as frequent."""
 LOOK_S: Final = 0.2
 GONE_S: Final = 5.0
 """Seconds without a request after which a session no longer counts."""
 
 
 class Sharing:
-    """Assigns each session of a scene to one of its engines, stably and evenly."""
+    """Assigns the sessions of a scene to its engines, stably and evenly."""
 
     def __init__(self) -> None:
         self._engines: dict[Hashable, tuple[str, float]] = {}
-        """Each session's engine, and when it asked last."""
+        """Each session's engine, and the time of its last request."""
         self._counts: Counter[str] = Counter()
 
     def choose(self, session: Hashable, engines: Sequence[str], now: float) -> str:
-        """The engine to ask, among these, best first.
+        """Choose a session's engine among these, best first.
 
-        A session moves only if its engine is not among them, or has more sessions than its share.
+        A session moves only if its engine is not among them, or has more than its share of the sessions.
         """
         kept = self._engines.get(session)
         if kept is not None and kept[0] in engines and self._counts[kept[0]] <= self._part(engines):
@@ -56,7 +56,7 @@ class Sharing:
         return chosen
 
     def forget(self, now: float) -> bool:
-        """Drop ended sessions; whether any are left."""
+        """Drop ended sessions. Returns whether any are left."""
         for session in [session for session, (_, at) in self._engines.items() if now - at >= GONE_S]:
             engine, _ = self._engines.pop(session)
             self._counts[engine] -= 1
@@ -70,14 +70,14 @@ class Engines(FrameSource):
     """All engines of a host; an async context manager that keeps their pipes open."""
 
     def __init__(self, sockets: Mapping[str, Path], edge: int, on_state: OnState, clock: Callable[[], float]) -> None:
-        """sockets: by the names of the engines' devices; edge: this process's number; on_state: called with the least
-        busy engine's state.
+        """sockets: by the names of the engines' devices. edge: this process's number. on_state: called with the state
+        of the least busy engine.
         """
         self._on_state = on_state
         self._clock = clock
         self._placement = Placement(clock)
         self._sharings: defaultdict[str, Sharing] = defaultdict(Sharing)
-        """By scene, where anybody asks for it."""
+        """Assignment of sessions by scene, for scenes with recent requests."""
         self._videos: dict[Client, RemoteEngine] = {}
         """The engine that encodes each client's video."""
         self._engines: dict[str, RemoteEngine] = {}
@@ -98,14 +98,14 @@ class Engines(FrameSource):
 
     @property
     def all(self) -> Sequence[RemoteEngine]:
-        """By their numbers."""
+        """All engines, by number."""
         return tuple(self._engines.values())
 
     def up(self) -> list[RemoteEngine]:
         return [engine for engine in self._engines.values() if engine.pipe.is_connected]
 
     def serving(self, scene: str) -> list[RemoteEngine]:
-        """Connected engines; the scene's own with room for it come first."""
+        """The connected engines; those serving the scene, with room for it, come first."""
         up = self.up()
         names = self._places(scene, self._willing(scene, up))
         return sorted(up, key=lambda engine: names.index(engine.name) if engine.name in names else len(names))
@@ -128,13 +128,13 @@ class Engines(FrameSource):
             engine.pipe.forget(client)
 
     def encodes(self, engine: RemoteEngine, client: Client) -> None:
-        """Route a client's video to an engine: no other one can continue it."""
+        """Record the engine that encodes a client's video, which no other engine can continue."""
         if self._videos.get(client) is not engine:
             self.forget(client)
             self._videos[client] = engine
 
     def _choose(self, client: Client, request: RenderRequest, up: Sequence[RemoteEngine]) -> RemoteEngine | None:
-        """A session's engine for a scene; another one that has it loaded, if the session's own must load it first."""
+        """A session's engine for a scene, or another one that has it loaded while the session's engine loads it."""
         scene = request.scene
         willing = self._willing(scene, up)
         names = self._places(scene, willing)
@@ -158,13 +158,13 @@ class Engines(FrameSource):
         return self._placement.places(scene, [engine.candidate for engine in engines])
 
     def _willing(self, scene: str, engines: Sequence[RemoteEngine]) -> Sequence[RemoteEngine]:
-        """Engines that did not refuse the scene lately, or all if each did."""
+        """The engines that have not refused the scene recently, or all engines if each of them has."""
         return [engine for engine in engines if not engine.refuses(scene)] or engines
 
     def another(
         self, client: Client, request: RenderRequest, engine: RemoteEngine, error: Exception
     ) -> RemoteEngine | None:
-        """The engine to ask after another one's failure; None if the failure is final."""
+        """The engine to ask after a failure of another one; None if the failure is final."""
         if not isinstance(error, (*REFUSALS, UnknownScene, EngineGone, DeviceLost)):
             return None
         rest = [each for each in self.up() if each is not engine and not each.refuses(request.scene)]
@@ -185,7 +185,7 @@ class Engines(FrameSource):
         while True:
             await asyncio.sleep(LOOK_S)
             now = self._clock()
-            if now - looked < SILENT_S / 2:  # else it is this process that has stopped
+            if now - looked < SILENT_S / 2:  # otherwise this process itself was stopped
                 for engine in self.up():
                     if now - max(engine.heard_at, engine.pipe.connected_at) > SILENT_S:
                         engine.pipe.give_up(f"The engine on {engine.name} does not answer.")
@@ -196,7 +196,7 @@ class Engines(FrameSource):
 
 @dataclass(slots=True, eq=False)
 class _Asked:
-    """One request, which is passed on once if the engine that was asked first cannot answer it."""
+    """A request, which is passed on to another engine once if the first engine cannot answer it."""
 
     engines: Engines
     engine: RemoteEngine

@@ -1,7 +1,7 @@
-"""One end of a pipe on the event loop: messages out in batches, messages in one by one, and one sentence at its end.
+"""One end of a pipe on the event loop, which sends messages in batches and receives them one by one.
 
-A message is its content's length and its kind, then the content: a tuple of plain values, pickled. Both ends are of one
-version and one user, as one process starts them.
+A message is the length of its content, its kind, and the content, a pickled tuple of plain values. This is safe because
+both ends have the same version and user: they are started by the same process.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ logger = logging.getLogger(__name__)
 
 PREFIX: Final = struct.Struct("<IB")
 MOST_UNSENT: Final = 8 * 1024 * 1024
-"""Bytes that may wait for an end that does not read; then it is given up."""
+"""Maximum number of bytes that wait for an end that does not read, before the pipe is closed."""
 DELAY_S: Final = 0.01
-"""Maximum wait of a message that is not urgent for an urgent one."""
+"""Maximum time in seconds for which a message waits to be sent with a more urgent one."""
 
 
 class Kind(IntEnum):
@@ -45,15 +45,15 @@ def framed(kind: Kind, *values: Any) -> bytes:
 
 
 class Splitter:
-    """From the bytes of a stream to messages."""
+    """Splits the bytes of a stream into messages."""
 
     def __init__(self) -> None:
         self._rest = bytearray()
         self._wanted = 0
-        """Length of `_rest` at which a message may be complete: a large one is assembled once."""
+        """Length of `_rest` at which a message may be complete, so that a large one is assembled only once."""
 
     def feed(self, data: bytes) -> Iterator[tuple[int, tuple[Any, ...]]]:
-        """Kind and values of each complete message."""
+        """Add data, and yield the kind and values of each complete message."""
         if self._rest:
             self._rest += data
             if len(self._rest) < self._wanted:
@@ -72,34 +72,34 @@ class Splitter:
 
 
 class Link(asyncio.Protocol, ABC):
-    """A subclass handles messages; `connection_lost` comes once, however the pipe ends."""
+    """One end of a pipe. Subclasses handle messages; `connection_lost` is called once, even if a process crashes."""
 
     def __init__(self) -> None:
         self._splitter = Splitter()
         self._outgoing: list[bytes] = []
         self._outgoing_bytes = 0
         self._is_leaving = self._is_delayed = False
-        """Whether outgoing messages are about to be written, or will be after a pause."""
+        """Whether outgoing messages are about to be written, and whether they will be after a delay."""
         self._loop = asyncio.get_running_loop()
         self._transport: asyncio.Transport | None = None
         self.reason: str | None = None
-        """Why this end has closed the pipe, in a sentence."""
+        """Why this end has closed the pipe, in one sentence."""
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         self._transport = cast(asyncio.Transport, transport)
 
     @abstractmethod
     def received(self, kind: int, values: tuple[Any, ...]) -> None:
-        """A message. An exception ends the pipe."""
+        """Handle a message. An exception closes the pipe."""
 
     def send(self, message: bytes) -> None:
-        """Send a message with all others of this iteration of the event loop; dropped once the pipe is closed."""
+        """Send a message together with all others of this event loop iteration. Dropped if the pipe is closed."""
         if self._add(message) and not self._is_leaving:
             self._is_leaving = True
             self._loop.call_soon(self._flush)
 
     def send_with_next(self, message: bytes) -> None:
-        """Send a message with the next that is more urgent, or after a while: each write wakes the other end."""
+        """Send a message with the next urgent one, or after DELAY_S, because each write wakes the other end."""
         if self._add(message) and not (self._is_leaving or self._is_delayed):
             self._is_delayed = True
             self._loop.call_later(DELAY_S, self._flush_delayed)
@@ -113,7 +113,7 @@ class Link(asyncio.Protocol, ABC):
 
     @property
     def unsent(self) -> int:
-        """Bytes not read by the other end yet."""
+        """Number of bytes that the other end has not read yet."""
         return self._outgoing_bytes + (0 if self._transport is None else self._transport.get_write_buffer_size())
 
     def data_received(self, data: bytes) -> None:

@@ -1,4 +1,4 @@
-"""Messages of the pipe that contain models: their fields travel as plain values, without names."""
+"""Messages of the pipe that contain models, with their fields as plain values without names."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ _TIMING: Final = tuple(ServerTiming.model_fields)
 
 
 def pack_request(id: int, client: Client, arrived: float, sent: float, request: RenderRequest) -> bytes:
-    """A request with the edge's own id, and when it arrived and leaves, on the clock that all processes share."""
+    """Pack a request. id: the edge's. arrived, sent: times on the monotonic clock, which all processes share."""
     return framed(Kind.REQUEST, id, tuple(client), arrived, sent, tuple(vars(request).values()))
 
 
 def unpack_request(values: tuple[Any, ...]) -> RenderRequest:
-    """A request, which is not validated again: the edge has validated the client's."""
+    """Unpack a request, without validation, because the edge has validated it already."""
     return RenderRequest.trusted(dict(zip(_REQUEST, values, strict=True)))
 
 
 def pack_frame(id: int, frame: Frame, offset: int) -> bytes:
-    """A frame with its body at `offset` of the arena."""
+    """Pack a frame that has its body at `offset` in the arena."""
     return framed(
         Kind.FRAME, id, offset, len(frame.body), frame.format, frame.width, frame.height, frame.seq, frame.profile,
         tuple(vars(frame.timing).values()), frame.margin_x, frame.margin_y, frame.video, frame.coarse,
@@ -33,16 +33,16 @@ def pack_frame(id: int, frame: Frame, offset: int) -> bytes:
 
 
 def unpack_frame(body: memoryview, values: tuple[Any, ...], on_release: Callable[[], None]) -> Frame:
-    """A frame from its body and the further values of its message."""
+    """Unpack a frame from its body and the other values of its message."""
     format, width, height, seq, profile, times, margin_x, margin_y, video, coarse = values
     timing = ServerTiming.trusted(dict(zip(_TIMING, times, strict=True)))
     return Frame(body, format, width, height, seq, profile, timing, margin_x, margin_y, video, coarse, on_release)
 
 
 def pack_failure(id: int, error: Exception) -> bytes:
-    """Why there is no frame; of an error that is not a client's business only that the server failed.
+    """Pack the reason why there is no frame. For an unexpected error, it says only that the server has failed.
 
-    Edges do not load the engine's modules, so an error of one of these goes as the more general one.
+    Edges do not load the engine's modules, so errors defined there are replaced with a more general class.
     """
     known = error if isinstance(error, TigasError) else TigasError(problem(error).detail)
     kind = next(each for each in type(known).__mro__ if each.__module__ == TigasError.__module__)

@@ -1,4 +1,4 @@
-"""One engine, as an edge knows it: how much it has to do, and which scenes it has."""
+"""An edge's view of one engine: its load, and the scenes that it has loaded."""
 
 from __future__ import annotations
 
@@ -12,29 +12,29 @@ from tigas_render.frame import Client, Frame
 from tigas_render.pipe.client import PipeClient
 
 SMOOTHING: Final = 0.2
-"""Weight of the newest report in the mean: at ten per second, half a second's memory."""
+"""Weight of the newest report in the running mean. At ten reports per second, the mean spans half a second."""
 BUSY_FROM, BUSY_UNTIL = 0.85, 0.65
-"""Utilisation from which on an engine is pressed, and under which it is no more."""
+"""Utilisation above which an engine is under pressure, and below which it is not any more."""
 LATE_FROM, LATE_UNTIL = 0.06, 0.03
-"""The same for how long a client waits for its turn, in seconds."""
+"""Wait of a client for its turn, in seconds, above which an engine is under pressure, and below which it is not."""
 NEAR_FROM: Final = 0.6
-"""Utilisation from which on it may soon be pressed."""
+"""Utilisation above which an engine may soon be under pressure."""
 EASY_UNTIL: Final = 0.4
-"""Utilisation under which it could do as much again."""
+"""Utilisation below which an engine could do twice as much."""
 
 REFUSED_S: Final = 30.0
-"""Seconds for which a device without room for a scene is not asked for it again, if another can be."""
+"""Seconds for which an engine without room for a scene is not asked for it again if another can be."""
 WARM_S: Final = 60.0
-"""Seconds for which a device that answered with a scene's frame counts as having it loaded."""
+"""Seconds after a scene's frame for which an engine counts as having the scene loaded."""
 WARMING: Final = Client("engines", "warming")
-"""Client of frames that only load a scene."""
+"""Client of the frames that serve only to load a scene."""
 
 REFUSALS: Final = (BrokenScene, NoRoom, OutOfDeviceMemory)
-"""Of an engine that cannot have the scene, though another may."""
+"""Errors of an engine that cannot load a scene although another may."""
 
 
 class Pressure:
-    """Whether an engine has as much to do as it can."""
+    """Whether an engine has as much work as it can handle."""
 
     def __init__(self) -> None:
         self.pressed = False
@@ -42,16 +42,16 @@ class Pressure:
 
     @property
     def is_near(self) -> bool:
-        """Whether it is pressed, or soon may be."""
+        """Whether the engine is, or may soon be, under pressure."""
         return self.pressed or self._utilisation >= NEAR_FROM
 
     @property
     def at_ease(self) -> bool:
-        """Whether it could do as much again."""
+        """Whether the engine could do twice as much."""
         return not self.pressed and self._utilisation < EASY_UNTIL
 
     def heard(self, age_s: float, utilisation: float) -> None:
-        """Note the age of its queue, in seconds, and its utilisation, 0 to 1, about ten times per second."""
+        """Record the age of the engine's queue in seconds, and its utilisation, 0 to 1. Called ten times per second."""
         self._age_s += SMOOTHING * (age_s - self._age_s)
         self._utilisation += SMOOTHING * (utilisation - self._utilisation)
         if self._utilisation >= BUSY_FROM or self._age_s >= LATE_FROM:
@@ -72,31 +72,31 @@ class RemoteEngine:
         self.heard_at = 0.0
         self._clock = clock
         self._warm: dict[str, float] = {}
-        """When it had a frame of each scene last."""
+        """Time of the last frame of each scene."""
         self._warming: set[str] = set()
         self._refused: dict[str, float] = {}
-        """Times until which it is not asked for a scene again."""
+        """Time until which the engine is not asked for a scene again, by scene."""
         self._connection = 0
-        """The number of the connection for which all this is true."""
+        """Number of the connection to which `_warm` applies."""
 
     def heard(self, age_s: float, utilisation: float) -> None:
-        """Take a report of its load, as `Pressure.heard`."""
+        """Record a report of the engine's load: the age of its queue in seconds, and its utilisation, 0 to 1."""
         self.heard_at = self._clock()
         self.age_s, self.utilisation = age_s, utilisation
         self.pressure.heard(age_s, utilisation)
         self.candidate = Candidate(self.name, self.pressure.pressed, self.pressure.at_ease)
 
     def refuses(self, scene: str) -> bool:
-        """Whether it could not have the scene a short time ago."""
+        """Whether the engine has recently been unable to load the scene."""
         return bool(self._refused) and self._refused.get(scene, 0.0) > self._clock()
 
     def is_warm(self, scene: str) -> bool:
-        """Whether it has the scene loaded, as far as it is known."""
+        """Whether the engine has the scene loaded, as far as known."""
         at = self._warm.get(scene)
         return at is not None and self._connection == self.pipe.connections and self._clock() - at < WARM_S
 
     def warm_up(self, request: RenderRequest) -> None:
-        """Request a frame on no viewer's behalf, unless it has the request's scene loaded."""
+        """Request a frame only to load the request's scene, unless the engine has it loaded."""
         scene = request.scene
         if scene in self._warming or self.is_warm(scene):
             return
@@ -112,7 +112,7 @@ class RemoteEngine:
         self.pipe.request(WARMING, patient, self._clock(), answered)
 
     def note(self, scene: str, answer: Frame | Exception) -> None:
-        """Record an answer's information on the engine and the scene."""
+        """Record the information in an answer about the engine and the scene."""
         if isinstance(answer, Frame):
             if answer.coarse:
                 return

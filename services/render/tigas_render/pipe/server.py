@@ -1,4 +1,4 @@
-"""The engine's end of the pipes: edges' requests in, frames out through an arena for each edge."""
+"""The engine's end of the pipes, which receives the edges' requests and sends frames through an arena per edge."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ from tigas_render.pipe.messages import pack_failure, pack_frame, unpack_request
 logger = logging.getLogger(__name__)
 
 ARENA_BYTES: Final = 256 * 1024 * 1024
-"""Size of an edge's arena; pages are allocated on use."""
+"""Size of an edge's arena in bytes; pages are allocated on use."""
 STATE_S: Final = 0.1
 """Interval of load reports to edges, in seconds."""
 ACCEPT_AGAIN_S: Final = 0.1
-"""Pause after failing to accept an edge, usually because of too few file descriptors, in seconds."""
+"""Pause in seconds after a failure to accept an edge, usually because of a lack of file descriptors."""
 
 State = Callable[[], tuple[float, float]]
-"""The age of the engine's queue, in seconds, and its utilisation, 0 to 1, since the last call."""
+"""Returns the age of the engine's queue in seconds, and its utilisation since the last call, 0 to 1."""
 Stats = Callable[[int, LoadState], None]
-"""Measurements of an edge, by its number."""
+"""Receives the number and the measurements of an edge."""
 
 
 @asynccontextmanager
@@ -60,14 +60,14 @@ async def serve_edges(
 
 
 def _bind(listener: socket.socket, path: Path) -> None:
-    path.unlink(missing_ok=True)  # of an engine that has crashed
+    path.unlink(missing_ok=True)  # left by an engine that has crashed
     listener.bind(os.fspath(path))
     path.chmod(0o600)
     listener.listen()
 
 
 class PipeServer:
-    """All edges that are connected."""
+    """All connected edges."""
 
     def __init__(self, source: FrameSource, stats: Stats, arena_bytes: int) -> None:
         self.source = source
@@ -76,7 +76,7 @@ class PipeServer:
         self._arena_bytes = arena_bytes
         self._accepted = 0
         self.longest_in_pipe_s = 0.0
-        """Whether any request was in flight since the last report: the loop may read late."""
+        """Longest time of a request in the pipe since the last report, in seconds; the event loop may read late."""
 
     async def accept(self, listener: socket.socket) -> None:
         loop = asyncio.get_running_loop()
@@ -94,7 +94,7 @@ class PipeServer:
             undo.callback(sock.close)
             arena = Arena(self._arena_bytes)
             undo.callback(arena.close)
-            # into an empty buffer, so that it does not wait
+            # the buffer is empty, so this does not block
             socket.send_fds(sock, [PASSED], [arena.fd])
             link = partial(EdgeLink, self, arena, self._accepted)
             await asyncio.get_running_loop().connect_accepted_socket(link, sock)
@@ -120,16 +120,16 @@ class PipeServer:
 
 
 class EdgeLink(Link):
-    """One edge. Once it has ended, for any reason, its requests are cancelled and its arena is freed."""
+    """The pipe to one edge. When it closes for any reason, the edge's requests are cancelled and its arena is freed."""
 
     def __init__(self, server: PipeServer, arena: Arena, connection: int) -> None:
-        """connection: a number that no other connection has."""
+        """connection: a unique number."""
         super().__init__()
         self._server = server
         self.arena = arena
         self._connection = connection
         self.running: dict[int, Withdraw] = {}
-        """By the edge's number for the request."""
+        """Functions that cancel the running requests, by the edge's request number."""
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         super().connection_made(transport)
@@ -145,7 +145,7 @@ class EdgeLink(Link):
         self.arena.close()
 
     def received(self, kind: int, values: tuple[Any, ...]) -> None:
-        match kind:  # the most frequent first
+        match kind:  # most frequent first
             case Kind.REQUEST:
                 self._request(*values)
             case Kind.RELEASE:
@@ -161,7 +161,7 @@ class EdgeLink(Link):
 
     def _client(self, sent: tuple[Any, ...]) -> Client:
         address, session, transport = sent
-        # the same name may come from another edge, or from this one before it was started again
+        # other edges, or an earlier process of this one, may use the same session name
         return Client(address, f"{self._connection} {session}", transport)
 
     def _request(self, id: int, sender: tuple[Any, ...], arrived: float, sent: float, values: tuple[Any, ...]) -> None:
@@ -172,11 +172,11 @@ class EdgeLink(Link):
         )
 
     def _withdraw(self, id: int, video_of: tuple[Any, ...] | None) -> None:
-        """video_of: the client, if the frame is of a video."""
+        """video_of: the client, if the frame belongs to a video."""
         withdraw = self.running.pop(id, None)
         if withdraw is not None:
             withdraw()
-        elif video_of is not None:  # its answer is in flight, without a recipient
+        elif video_of is not None:  # the answer is on its way, and will not be delivered
             self._server.source.forget(self._client(video_of))
 
     def _answered(self, id: int, client: Client, answer: Frame | Exception) -> None:

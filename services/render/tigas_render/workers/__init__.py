@@ -1,1 +1,1 @@
-"""The render service as several processes: a supervisor, edges for the clients, and an engine for each device."""
+"""The render service as several processes: a supervisor, edges that serve clients, and an engine for each device."""

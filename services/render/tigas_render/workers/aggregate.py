@@ -1,4 +1,4 @@
-"""The HTTP interface of engines as an edge offers it: of one, or aggregated from several."""
+"""The HTTP interface that an edge offers on behalf of engines: of a single one, or aggregated from several."""
 
 from __future__ import annotations
 
@@ -28,30 +28,30 @@ from tigas_render.pipe.engines import Engines
 from tigas_render.pipe.remote_engine import RemoteEngine
 
 MOST, MOST_PER_ADDRESS = 256, 128
-"""Requests that may wait for engines at a time, in total and of one address; each has a connection to an engine."""
+"""Maximum number of requests to engines at a time, in total and per address. Each has a connection to an engine."""
 MOST_CHANGES, MOST_CHANGES_PER_ADDRESS = 32, 8
-"""Changes of the models directory at a time, which go on after their clients have left."""
-BUSY = "Too many requests wait for the renderer; try again in a few seconds."
+"""Maximum number of concurrent changes of the models directory, which continue after their clients have left."""
+BUSY = "Too many requests are waiting for the renderer; try again in a few seconds."
 BUSY_RETRY_S = 2.0
 AWAY = "The renderer is starting; try again in a second."
 RETRY_S = 1.0
 CANNOT = (422, 503)
-"""The statuses with which an engine refuses a scene that another may take."""
+"""Statuses with which an engine refuses a scene although another may accept it."""
 
 TRAININGS = ("running", "failed", "done", "idle")
-"""The states of a training, which only one engine knows, the ones that count first."""
+"""States of a training in order of precedence, because only one engine knows the actual state."""
 _SCENES = TypeAdapter(list[SceneInfo])
 
 Bodies = Mapping[str, bytes]
-"""The answers of engines, by name."""
+"""The bodies of the engines' answers, by engine name."""
 Merge = Callable[[Bodies], bytes]
 
 
 class _EnginesApp(ABC):
-    """An ASGI application that engines answer, for bodies of up to MAX_BODY bytes."""
+    """An ASGI application that forwards requests with bodies of up to MAX_BODY bytes to engines."""
 
     def __init__(self, origins: OriginPolicy) -> None:
-        """origins: the pages that may read its own answers."""
+        """origins: the pages that may read the application's own answers."""
         self._origins = origins
         self._running = ConcurrencyLimit(MOST, MOST_PER_ADDRESS)
 
@@ -67,11 +67,11 @@ class _EnginesApp(ABC):
 
     @abstractmethod
     async def ask(self, scope: Scope, body: bytes) -> httpx.Response:
-        """Return the answer, for the caller to close. Raises Overloaded while there is no engine."""
+        """Return the answer, which the caller must close. Raises Overloaded while there is no engine."""
 
 
 class EngineProxy(_EnginesApp):
-    """In front of one engine's application."""
+    """A proxy for one engine's application."""
 
     def __init__(self, path: Path, origins: OriginPolicy) -> None:
         super().__init__(origins)
@@ -90,10 +90,10 @@ class EngineProxy(_EnginesApp):
 
 
 class Aggregate(_EnginesApp):
-    """In front of several engines' applications: any of them answers, or their answers are merged."""
+    """A proxy for several engines' applications, which returns one engine's answer or merges all answers."""
 
     def __init__(self, engines: Engines, proxies: Mapping[str, EngineProxy], origins: OriginPolicy) -> None:
-        """proxies: by engines' names."""
+        """proxies: by engine name."""
         super().__init__(origins)
         self._changing = ConcurrencyLimit(MOST_CHANGES, MOST_CHANGES_PER_ADDRESS)
         self._engines = engines
@@ -120,7 +120,7 @@ class Aggregate(_EnginesApp):
             case "POST", ["scenes", _, "unload"]:
                 return await self._merged(scope, body, merge_scene, by_all=True)
             case ("DELETE" | "PATCH", ["scenes", _]) | ("POST", ["scenes", _, "rename"] | ["uploads", _, "scene"]):
-                return await asyncio.shield(self._change(scope, body))  # also if the client leaves
+                return await asyncio.shield(self._change(scope, body))  # continues if the client leaves
             case "POST", ["scenes", scene, "enhance"]:
                 return await self._first(await self._trainers(scope, scene), scope, body)
             case _, ["scenes", scene, "load" | "preview"] | ["scenes", scene, "download", _]:
@@ -129,11 +129,11 @@ class Aggregate(_EnginesApp):
                 return await self._first(self._reachable(), scope, body)
 
     def _reachable(self) -> Sequence[RemoteEngine]:
-        """Return the engines that are up, or all, since one may have started just now."""
+        """Return the engines that are up, or all if none seems to be, because one may just have started."""
         return self._engines.up() or self._engines.all
 
     def _own(self, scene: str) -> Sequence[RemoteEngine]:
-        """Return the same, a scene's own engines first."""
+        """Return the engines that are up, or all, with the scene's own engines first."""
         return self._engines.serving(scene) or self._engines.all
 
     async def _first(
@@ -145,7 +145,7 @@ class Aggregate(_EnginesApp):
         refusals: Sequence[int] = (),
         whole: bool = False,
     ) -> httpx.Response:
-        """Return the first answer, or the next one if its status is in `refusals`. Raises Overloaded without any."""
+        """Return the first answer with a status not in `refusals`, or else the last. Raises Overloaded without any."""
         refused: httpx.Response | None = None
         for engine in engines:
             answer = await self._ask(engine, scope, body, whole=whole)
@@ -161,7 +161,7 @@ class Aggregate(_EnginesApp):
         return refused
 
     async def _all(self, scope: Scope, body: bytes) -> dict[str, httpx.Response]:
-        """Return the engines' answers, by name. Raises Overloaded without any."""
+        """Return the engines' answers by name. Raises Overloaded if no engine answers."""
         engines = self._reachable()
         answers = await asyncio.gather(*(self._ask(engine, scope, body, whole=True) for engine in engines))
         found = {engine.name: answer for engine, answer in zip(engines, answers, strict=True) if answer is not None}
@@ -170,8 +170,8 @@ class Aggregate(_EnginesApp):
         return found
 
     async def _merged(self, scope: Scope, body: bytes, merge: Merge, *, by_all: bool = False) -> httpx.Response:
-        """Return the merged answer, or a refusal: if all refuse, or if one does and `by_all`."""
-        is_head = scope["method"] == "HEAD"  # answered with the headers of GET; the server leaves the body out
+        """Return the merged answer, or a refusal if all engines refuse. by_all: a single refusal is enough."""
+        is_head = scope["method"] == "HEAD"  # answered with the headers of GET; the server omits the body
         answers = await self._all({**scope, "method": "GET"} if is_head else scope, body)
         done = {name: answer for name, answer in answers.items() if answer.status_code == 200}
         refusals = [answer for answer in answers.values() if answer.status_code != 200]
@@ -181,7 +181,7 @@ class Aggregate(_EnginesApp):
         return _with_body(next(iter(done.values())), content)
 
     async def _change(self, scope: Scope, body: bytes) -> httpx.Response:
-        """Let one engine change the models directory, and the others scan it after that."""
+        """Let one engine change the models directory, and then all engines scan it."""
         with self._changing.one_more(client_of(scope), Overloaded(BUSY, BUSY_RETRY_S)):
             answer = await self._first(self._reachable(), scope, body, whole=True)
             if answer.is_success:
@@ -189,7 +189,7 @@ class Aggregate(_EnginesApp):
             return _with_body(answer, answer.content)
 
     async def _trainers(self, scope: Scope, scene: str) -> Sequence[RemoteEngine]:
-        """Return the engine that trains a scene's networks already, else the scene's own engines."""
+        """Return the engine that is already training a scene's networks, or else the scene's engines."""
         engines = self._own(scene)
         states = await self._all({**scope, "method": "GET"}, b"")
         training = {name for name, each in states.items() if each.status_code == 200 and is_running(each.content)}
@@ -198,7 +198,7 @@ class Aggregate(_EnginesApp):
     async def _ask(
         self, engine: RemoteEngine, scope: Scope, body: bytes, *, whole: bool = False
     ) -> httpx.Response | None:
-        """Return an engine's answer, with all of its body if `whole`, or None if the engine is lost before it."""
+        """Return an engine's answer, with its whole body if `whole`, or None if the engine is lost before answering."""
         if whole:
             scope = {**scope, "headers": [each for each in scope["headers"] if each[0] != b"accept-encoding"]}
 
@@ -240,14 +240,14 @@ def is_running(body: bytes) -> bool:
 
 
 def merge_load(bodies: Bodies) -> bytes:
-    """Merge the load of the host: each engine knows all edges, but only its own scenes."""
+    """Merge the load of a host, of which each engine knows all edges but only its own scenes."""
     loads = [HostLoad.model_validate_json(body) for body in bodies.values()]
     loaded = tuple(sorted({scene for each in loads for scene in each.scenes}))
     return loads[0].model_copy(update={"scenes": loaded}).model_dump_json().encode()
 
 
 def merge_metrics(bodies: Bodies, engines: Sequence[RemoteEngine]) -> bytes:
-    """Merge Prometheus' text format: metrics of engines get a label `device`, and metrics of edges appear once."""
+    """Merge metrics in Prometheus' text format. Engines' metrics get a label `device`; edges' metrics appear once."""
     registry = CollectorRegistry()
     registry.register(_Metrics(bodies, engines))
     return generate_latest(registry)

@@ -1,6 +1,6 @@
 """Messages between the supervisor and its workers: lines of JSON over a Unix socket that a worker inherits.
 
-If the supervisor dies, its workers read the end of the socket, and end as well.
+If the supervisor dies, its workers read the end of the stream, and exit as well.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 from tigas_render.settings import RenderSettings
 
 MAX_LINE = 1 << 20
-"""Bytes."""
+"""Maximum length of a line in bytes."""
 MAX_UNSENT = 1 << 20
-"""Bytes that wait for a process that does not read; beyond this, tickets are dropped."""
+"""Number of unsent bytes, for a process that does not read, above which tickets are dropped."""
 
 
 def http_socket(directory: Path, engine: int) -> Path:
@@ -36,25 +36,25 @@ class _Message(BaseModel):
 
 
 class NewCertificate(_Message):
-    """The certificate to show from now on."""
+    """The certificate to use from now on."""
 
     kind: Literal["certificate"] = "certificate"
     pem: bytes
-    """With its private key."""
+    """Private key and certificate, from `Certificate.with_key`."""
 
 
 class _Start(_Message):
     name: str
-    """As it appears in a sentence."""
+    """Name of the worker in messages."""
     settings: RenderSettings
-    """An engine's have only its own device."""
+    """The service's settings, but for an engine with only its own device."""
     number: int
     devices: tuple[str, ...]
-    """The names of the engines' devices, by number; no two are the same."""
+    """Unique names of the engines' devices, by engine number."""
     edges: int
-    """The number of all edges."""
+    """Total number of edges."""
     directory: Path
-    """The directory for the sockets of the engines, which only the user of the service may enter."""
+    """Directory of the engines' sockets, which only the user of the service may enter."""
     certificate: NewCertificate
 
 
@@ -68,20 +68,20 @@ class EngineStart(_Start):
 
 
 class EdgeStart(_Start):
-    """The start of an edge. Sockets and memory are file descriptors that it inherits."""
+    """The start of an edge. Sockets and shared memory are file descriptors that it inherits."""
 
     kind: Literal["edge"] = "edge"
     http: int
     https: int | None
     quic: tuple[int, ...]
     counts: int
-    """The memory of the edges' numbers of connections."""
+    """The shared memory for the edges' numbers of connections."""
     reset_key: bytes
     retry_key: bytes
 
 
 class TicketIssued(_Message):
-    """A ticket that an edge has given to a client, good for one resumption at any edge."""
+    """A ticket that an edge has issued to a client, valid for one resumption at any edge."""
 
     kind: Literal["issued"] = "issued"
     ticket: SessionTicket
@@ -95,28 +95,28 @@ class TicketTaken(_Message):
 
 
 class Loaded(_Message):
-    """The worker has loaded its program."""
+    """The worker has imported its modules."""
 
     kind: Literal["loaded"] = "loaded"
 
 
 class Said(_Message):
-    """A line to print at once."""
+    """A line to print immediately."""
 
     kind: Literal["said"] = "said"
     line: str
 
 
 class Ready(_Message):
-    """The worker serves now."""
+    """The worker has started to serve."""
 
     kind: Literal["ready"] = "ready"
     lines: tuple[str, ...] = ()
-    """The announcement to print once all workers serve."""
+    """The announcement to print once all workers are serving."""
 
 
 class Failed(_Message):
-    """The reason why the worker ends, in a sentence."""
+    """The reason why the worker exits, in one sentence."""
 
     kind: Literal["failed"] = "failed"
     detail: str
@@ -128,7 +128,7 @@ _MESSAGE: TypeAdapter[Message] = TypeAdapter(Annotated[Message, Field(discrimina
 
 
 class Channel:
-    """One end of the socket."""
+    """One end of the socket between the supervisor and a worker."""
 
     def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._reader = reader
@@ -136,31 +136,31 @@ class Channel:
 
     @classmethod
     async def over(cls, sock: socket.socket) -> Channel:
-        """Wrap a socket, and own it from now on."""
+        """Create a channel over a socket, which it owns from now on."""
         return cls(*await asyncio.open_unix_connection(sock=sock, limit=MAX_LINE))
 
     def send(self, message: Message) -> None:
-        """Send a message, or drop it if the other side has ended, or reads no tickets."""
+        """Send a message. It is dropped if the other side has exited, or if it is a ticket and too much is unsent."""
         transport = self._writer.transport
         is_ticket = isinstance(message, TicketIssued | TicketTaken)
         if not transport.is_closing() and (not is_ticket or transport.get_write_buffer_size() < MAX_UNSENT):
             self._writer.write(message.model_dump_json().encode() + b"\n")
 
     async def __aiter__(self) -> AsyncIterator[Message]:
-        """The messages from the other side, until it ends."""
+        """Yield the messages from the other side, until it exits."""
         try:
-            while (line := await self._reader.readline()).endswith(b"\n"):  # not cut off by its sender's end
+            while (line := await self._reader.readline()).endswith(b"\n"):  # not cut off because the sender exited
                 yield _MESSAGE.validate_json(line)
         except ConnectionError:
             pass
 
     @property
     def is_over(self) -> bool:
-        """Whether the other side has ended."""
+        """Whether the other side has exited."""
         return self._reader.at_eof()
 
     async def close(self) -> None:
-        """Close this end. Messages that were sent before still arrive."""
+        """Close this end. Messages that have been sent still arrive."""
         self._writer.close()
         with suppress(ConnectionError):
             await self._writer.wait_closed()

@@ -1,4 +1,4 @@
-"""The workers that suit a machine: an engine for each device, and a number of edges."""
+"""The choice of workers for a machine: an engine for each device, and the number of edges."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from tigas_render.transport.shared_port import steer
 
 DEV = Path("/dev")
 COUNT_GPUS = "from cuda.bindings import driver; driver.cuInit(0); print(driver.cuDeviceGetCount()[1] or 0)"
-"""In a process of its own, as the driver stays loaded in one that has called it; PyTorch would take seconds to load."""
+"""Counts the GPUs in a separate process, because the driver stays loaded, and without PyTorch, which loads slowly."""
 COUNT = (sys.executable, "-P", "-c", COUNT_GPUS)
 COUNT_S = 30.0
-"""Seconds for the driver to answer; a slower one would not answer an engine, either."""
+"""Seconds for the driver to answer; if it takes longer, it would not answer an engine either."""
 MIN_CORES = 8
-"""With fewer cores, or without a GPU, a single process is best: edges would slow the renderer down."""
+"""Minimum number of cores for several edges. With fewer, or without a GPU, edges would slow down the renderer."""
 MAX_AUTO = 8
-"""Edges for each device."""
+"""Maximum number of edges per device if the settings do not give one."""
 
 
 def devices_for(settings: RenderSettings) -> tuple[str, ...]:
-    """Return the devices to use: for `cuda`, and for `auto` with several GPUs, all GPUs. Raises StartError."""
+    """Return the devices to use, which are all GPUs for `cuda`, and for `auto` with several GPUs. Raises StartError."""
     devices = tuple(settings.device.split(","))
     if settings.device in ("auto", "cuda") and (gpus := _visible_gpus()) > 1:
         devices = tuple(f"cuda:{number}" for number in range(gpus))
@@ -55,12 +55,12 @@ def edges_for(settings: RenderSettings, devices: int) -> int:
 
 
 def suitable(cores: int, gpu: bool, devices: int) -> int:
-    """Return three eighths of the cores: an engine's event loop and lanes need two or three of 16 (docs/deploy.md)."""
+    """Return a number of edges, three eighths of the cores: an engine needs two or three of 16 (docs/deploy.md)."""
     return min(cores * 3 // 8, MAX_AUTO * devices) if gpu and cores >= MIN_CORES else 1
 
 
 def can_share_port() -> bool:
-    """Whether the kernel can deliver each datagram of a port to the edge that it is for."""
+    """Whether the kernel can deliver each datagram of a shared port to the right edge."""
     if sys.platform != "linux":
         return False
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
@@ -69,7 +69,7 @@ def can_share_port() -> bool:
 
 
 def has_gpu() -> bool:
-    """Whether an NVIDIA driver has found a GPU, on Linux or in WSL."""
+    """Whether NVIDIA's driver has found a GPU, on Linux or in WSL."""
     return bool(_nodes()) or (DEV / "dxg").exists()
 
 
@@ -78,7 +78,7 @@ def _nodes() -> list[Path]:
 
 
 def _visible_gpus() -> int:
-    """Count the GPUs that CUDA shows, in a separate process, and only if there may be several."""
+    """Count the GPUs visible to CUDA, in a separate process, and only if there may be several."""
     if sys.platform != "linux" or (len(_nodes()) < 2 and not (DEV / "dxg").exists()):
         return len(_nodes())
     try:

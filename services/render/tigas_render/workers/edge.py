@@ -1,4 +1,4 @@
-"""An edge: it serves clients, and gets frames and other answers from the engines."""
+"""An edge, which serves clients with frames and other answers from the engines."""
 
 from __future__ import annotations
 
@@ -40,11 +40,11 @@ from tigas_render.workers.control import (
 from tigas_render.workers.process import run, until_stopped_or_alone
 
 TELL_TICKS = 10
-"""Measurements of the load between two reports to the engines, a second apart."""
+"""Number of load measurements between two reports to the engines, which are a second apart."""
 
 
 async def edge(channel: Channel, start: Start, news: AsyncIterator[Message]) -> None:
-    """Serve clients until the supervisor ends it."""
+    """Serve clients until the supervisor stops this process."""
     keep_together()
     assert isinstance(start, EdgeStart)
     settings = start.settings
@@ -59,7 +59,7 @@ async def edge(channel: Channel, start: Start, news: AsyncIterator[Message]) -> 
             case TicketIssued() | TicketTaken():
                 tickets.on_message(message)
             case _:
-                raise AssertionError(f"An edge gets no {message.kind} message.")
+                raise AssertionError(f"An edge does not receive {message.kind} messages.")
 
     async with AsyncExitStack() as stack:
         frames = _frames(start, admission.load)
@@ -99,7 +99,7 @@ def _frames(start: EdgeStart, load: Load) -> PipeClient | Engines:
 
 
 def _every(ticks: int, engines: PipeClient | Engines) -> Callable[[LoadState], None]:
-    """Return a callback that reports every `ticks`-th state of the load to the engines, which publish it."""
+    """Return a callback that reports every `ticks`-th load state to the engines, which publish it."""
     measurements = itertools.count()
 
     def report(state: LoadState) -> None:
@@ -110,7 +110,7 @@ def _every(ticks: int, engines: PipeClient | Engines) -> Callable[[LoadState], N
 
 
 def _by_path(frames: ASGIApp, parts: ASGIApp, rest: ASGIApp) -> ASGIApp:
-    """Serve frames and parts of uploads in this process, and everything else by an engine."""
+    """Combine applications: frames and parts of uploads are served in this process, everything else by an engine."""
 
     async def app(scope: Scope, receive: Receive, send: Send) -> None:
         chosen = frames if scope["path"] == PATH else parts if PART.matches(scope)[0] is Match.FULL else rest
@@ -130,9 +130,9 @@ def _inherited(fd: int) -> socket.socket:
 
 
 class SharedTickets(TicketStore):
-    """One edge's copy of the session tickets of all edges, so that a client may resume its session at any of them.
+    """One edge's copy of the session tickets of all edges, which allows a client to resume its session at any of them.
 
-    A ticket that two edges take within a millisecond is taken twice; early data is idempotent.
+    Two edges may both take a ticket within a millisecond, which is harmless because early data is idempotent.
     """
 
     def __init__(self, send: Callable[[TicketIssued | TicketTaken], None]) -> None:
@@ -142,7 +142,7 @@ class SharedTickets(TicketStore):
 
     def add(self, ticket: SessionTicket) -> None:
         super().add(ticket)
-        # aioquic leaves out the name of a server, which only clients need
+        # aioquic's servers leave the server name empty, since only clients need it
         self._send(TicketIssued(ticket=replace(ticket, server_name=ticket.server_name or "")))
 
     def take(self, label: bytes) -> SessionTicket | None:

@@ -1,4 +1,4 @@
-"""An engine: scenes, renderer and HTTP interface, on Unix sockets that only edges reach."""
+"""An engine, with scenes, renderer and HTTP interface, on Unix sockets that only edges can reach."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from tigas_render.workers.control import (
 from tigas_render.workers.process import run, until_stopped_or_alone
 
 CONNECTED_S = 1.0
-"""Seconds for edges to connect, which they try every tenth of it."""
+"""Seconds to wait for edges to connect, which they try ten times per second."""
 
 
 async def engine(channel: Channel, start: Start, news: AsyncIterator[Message]) -> None:
-    """Render until the supervisor ends it. Raises StartError, also once the device is lost."""
+    """Render until the supervisor stops this process. Raises StartError, also if the device is lost."""
     assert isinstance(start, EngineStart)
     async with AsyncExitStack() as stack:
         service = await stack.enter_async_context(opened(start.settings, lambda line: channel.send(Said(line=line))))
@@ -56,10 +56,10 @@ async def engine(channel: Channel, start: Start, news: AsyncIterator[Message]) -
 
 
 async def _connected(pipes: PipeServer, edges: int) -> None:
-    """Wait until edges have connected, so that this engine gets its part of the first requests."""
+    """Wait until the edges have connected, so that this engine gets its share of the first requests."""
     with suppress(TimeoutError):
         async with asyncio.timeout(CONNECTED_S):
-            while len(pipes.edges) < edges:  # noqa: ASYNC110 - for a moment at the start
+            while len(pipes.edges) < edges:  # noqa: ASYNC110 - only briefly at the start
                 await asyncio.sleep(0.01)
 
 

@@ -1,4 +1,4 @@
-"""The life of a worker in its own process: it starts on a message, listens, ends in time, and reports its failure."""
+"""The life cycle of a worker's process: it starts on a message, listens, exits in time, and reports failures."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from tigas_common.settings import ServiceSettings
 from tigas_render.workers.control import Channel, EdgeStart, EngineStart, Failed, Loaded, Message, Start
 
 Program = Callable[[Channel, Start, AsyncIterator[Message]], Awaitable[None]]
-"""Gets the channel, its first message, and the messages after that."""
+"""A worker's program, called with the channel, its first message, and the messages after that."""
 
 
 def call_it(name: str) -> None:
-    """Set the name of this process in ps and top, of at most 15 bytes."""
+    """Set the name of this process in ps and top, which has at most 15 bytes."""
     Path("/proc/self/comm").write_text(name)
 
 
 def run(program: Program) -> None:
-    """Run a worker's program to its end, and report a StartError to the supervisor."""
+    """Run a worker's program and exit, reporting a StartError to the supervisor."""
     ServiceSettings.are_given = True
     log_to_stdout()
     logging.getLogger("quic").setLevel(logging.WARNING)  # aioquic logs every connection
@@ -46,7 +46,7 @@ async def _run(program: Program) -> int:
                 try:
                     await program(channel, start, news)
                 finally:
-                    if channel.is_over:  # the supervisor was killed, and cannot remove it
+                    if channel.is_over:  # the supervisor was killed, and cannot remove the directory
                         shutil.rmtree(start.directory, ignore_errors=True)
     except StartError as error:
         channel.send(Failed(detail=str(error)))
@@ -58,7 +58,7 @@ async def _run(program: Program) -> int:
 
 
 async def until_stopped_or_alone(news: AsyncIterator[Message], on_message: Callable[[Message], None]) -> None:
-    """Listen to the supervisor until it ends, or this process gets SIGINT or SIGTERM."""
+    """Handle the supervisor's messages until it exits, or this process gets SIGINT or SIGTERM."""
 
     async def listen() -> None:
         async for message in news:

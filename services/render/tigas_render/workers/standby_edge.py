@@ -1,4 +1,4 @@
-"""The program of a standby: it imports an edge's modules at a low priority, and then becomes an ordinary edge.
+"""The program of a standby, which imports an edge's modules at a low priority, and then becomes an ordinary edge.
 
 Imports at the top of this module would run at the normal priority.
 """
@@ -10,11 +10,11 @@ import os
 import threading
 
 NICENESS = 10
-"""The niceness of the imports, which get a tenth of the share of others on a busy processor."""
+"""Niceness of the imports, which get a tenth of the usual share of a busy processor."""
 
 
 def _load() -> None:
-    os.nice(NICENESS)  # of this thread alone, as a thread may not raise its priority again
+    os.nice(NICENESS)  # only for this thread, because a thread may not raise its priority again
     importlib.import_module("tigas_render.workers.edge")
 
 

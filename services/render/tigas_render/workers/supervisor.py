@@ -1,4 +1,4 @@
-"""The process started by the user: it has the public sockets and the secrets, and keeps the workers running."""
+"""The process that the user starts, which owns the public sockets and the secrets, and keeps the workers running."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ from tigas_render.workers.devices import names
 from tigas_render.workers.worker import Standby, Worker, WorkerProcess
 
 DIRECTORY = "tigas-render-"
-"""The prefix of the directory with the engines' sockets."""
+"""Prefix of the directory with the engines' sockets."""
 EDGES_STOP_S = 1.2
-"""Seconds for the edges to answer running requests; the engines work on meanwhile."""
+"""Seconds for the edges to answer running requests, while the engines keep working."""
 STOP_S = 1.7
-"""Seconds for all workers to end."""
+"""Seconds for all workers to exit."""
 
 
 async def supervise(settings: RenderSettings, devices: tuple[str, ...], edges: int) -> None:
-    """Run the render service as a number of edges, and an engine for each device, until SIGINT or SIGTERM.
+    """Run the render service, with a number of edges and an engine for each device, until SIGINT or SIGTERM.
 
     Raises StartError.
     """
@@ -55,7 +55,7 @@ async def supervise(settings: RenderSettings, devices: tuple[str, ...], edges: i
 
 
 class Supervisor:
-    """Engines and edges during `run`."""
+    """Runs the engines and edges of a service."""
 
     def __init__(
         self,
@@ -67,7 +67,7 @@ class Supervisor:
         directory: Path,
         keeper: CertificateKeeper,
     ) -> None:
-        """counts: from `counts_file`; directory: for the engines' sockets, as of EngineStart."""
+        """counts: from `counts_file`. directory: for the engines' sockets, private to the user."""
         self._settings = settings
         self._devices = devices
         self._names = names(devices)
@@ -78,9 +78,9 @@ class Supervisor:
         self._retry_key = os.urandom(RETRY_KEY_LENGTH)
         self._tickets = TicketStore()
         self._announcement: tuple[str, ...] = ()
-        """From an engine, to be printed once all serve."""
+        """An engine's announcement, to be printed once all workers are serving."""
         self._said: set[str] = set()
-        """Lines that were printed, so that several engines, or a restarted one, do not repeat them."""
+        """Lines that have been printed, so that other engines, or a restarted one, do not repeat them."""
         self._engines = [self._engine(number, edges) for number in range(len(devices))]
         for engine in self._engines:
             engine.others = [other for other in self._engines if other is not engine]
@@ -90,7 +90,7 @@ class Supervisor:
         keeper.on_renewal(self._show)
 
     async def run(self) -> None:
-        """Keep all running until SIGINT or SIGTERM. Raises StartError."""
+        """Keep all workers running until SIGINT or SIGTERM. Raises StartError."""
         workers = (*self._engines, *self._edges)
         stopped = asyncio.create_task(until_stopped())
         ready = asyncio.create_task(self._announce())
@@ -106,7 +106,7 @@ class Supervisor:
             task.result()
 
     async def _end(self) -> None:
-        """End the edges first, so that running requests are still answered."""
+        """Stop the workers, edges first, so that running requests are still answered."""
         began = time.monotonic()
         await self._standby.end()
         await asyncio.gather(*(edge.end(EDGES_STOP_S) for edge in self._edges))
@@ -114,12 +114,12 @@ class Supervisor:
         await asyncio.gather(*(engine.end(patience_s) for engine in self._engines))
 
     async def _announce(self) -> None:
-        """Print the announcement once all serve, except engines that cannot, and then keep a standby."""
+        """Print the announcement once all workers are serving, except engines that cannot, and then keep a standby."""
         for edge in self._edges:
             await edge.ready.wait()
         for engine in self._engines:
             await engine.settled.wait()
-        if not self._announcement:  # no engine serves
+        if not self._announcement:  # no engine is serving
             return
         missing = [engine.name for engine in self._engines if not engine.ready.is_set()]
         if missing:
@@ -128,7 +128,7 @@ class Supervisor:
         await self._standby.keep()
 
     def _show(self, certificate: Certificate) -> None:
-        """Distribute a certificate: to edges first, as engines announce it to clients."""
+        """Distribute a certificate, to edges first, because engines announce it to clients."""
         self._certificate = NewCertificate(pem=certificate.with_key)
         for worker in (*self._edges, *self._engines):
             worker.send(self._certificate)
@@ -196,7 +196,7 @@ class Supervisor:
                     print(message.line, flush=True)
                 return
             case _:
-                raise AssertionError(f"A worker sends no {message.kind} message.")
+                raise AssertionError(f"A worker does not send {message.kind} messages.")
         for edge in self._edges:
             if edge is not sender:
                 edge.send(message)

@@ -1,4 +1,4 @@
-"""Worker processes as their supervisor sees them: started, supervised, connected by a channel, and in reserve."""
+"""The supervisor's view of worker processes, which it starts, supervises, and keeps in reserve."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from tigas_render.workers.control import Channel, Failed, Loaded, Message, Ready
 logger = logging.getLogger(__name__)
 
 RARE_S, RAREST_S = 15.0, 900.0
-"""The first and the longest delay, doubled each time, before a restart of a failing worker while others replace it."""
+"""First and longest delay before restarting a failing worker while others replace it; it doubles each time."""
 STANDBY_PAUSE_S = 2.0
-"""Seconds between the use of a standby and the start of the next one: returning viewers come first."""
+"""Seconds between the use of a standby and the start of the next one, because returning viewers have priority."""
 
 
 @dataclass(frozen=True, slots=True)
 class WorkerProcess:
-    """One process of a worker, and the channel to it. It waits for a `Start` message."""
+    """A worker's process, and the channel to it. It waits for a `Start` message."""
 
     process: Process
     channel: Channel
@@ -42,7 +42,7 @@ class WorkerProcess:
                     *(sys.executable, "-P", "-m", f"{__package__}.{program}", str(theirs.fileno())),
                     stdin=DEVNULL,
                     pass_fds=(theirs.fileno(), *inherited),
-                    start_new_session=True,  # Ctrl+C is for the supervisor alone, which ends its workers in turn
+                    start_new_session=True,  # Ctrl+C is only for the supervisor, which then stops its workers
                 )
             return cls(process, await Channel.over(ours))
         except BaseException:
@@ -50,13 +50,13 @@ class WorkerProcess:
             raise
 
     def signal(self, number: signal.Signals) -> None:
-        """Send a signal, unless the process has ended."""
+        """Send a signal, unless the process has exited."""
         with suppress(ProcessLookupError):
             self.process.send_signal(number)
 
 
 class Worker(Supervised):
-    """An edge or an engine; others may take over its work while it is down."""
+    """An edge or an engine. Others may take over its work while it is down."""
 
     def __init__(
         self,
@@ -65,16 +65,16 @@ class Worker(Supervised):
         begin: Callable[[], Sequence[Message]],
         on_message: Callable[[Worker, Message], None],
     ) -> None:
-        """name: as it appears in a sentence; launch: gives a new process; begin: the first messages to it, a `Start`
-        first; on_message: gets the messages from it.
+        """name: in messages. launch: starts a new process. begin: returns the first messages to it, beginning with a
+        `Start`. on_message: called with the messages from it.
         """
         super().__init__(name)
         self.ready = asyncio.Event()
-        """Set once it has served for the first time."""
+        """Set once the worker has served for the first time."""
         self.settled = asyncio.Event()
-        """Set while no progress is expected: it serves, or has ended."""
+        """Set while the worker is not starting: it is serving, or has exited."""
         self.others: Sequence[Worker] = ()
-        """The workers that can replace it."""
+        """The workers that can replace this one."""
         self._launch = launch
         self._begin = begin
         self._on_message = on_message
@@ -84,12 +84,12 @@ class Worker(Supervised):
         self._rare_s: float | None = None
 
     def send(self, message: Message) -> None:
-        """Send a message. While it does not run, the next first messages have to contain the news."""
+        """Send a message. If the worker is not running, the message is dropped: `begin` must return its content."""
         if self._launched is not None:
             self._launched.channel.send(message)
 
     async def keep(self) -> None:
-        """Run it until `end`. Raises StartError if it does not start, or ends too often, and no other replaces it."""
+        """Run it until `end`. Raises StartError if it fails to start or exits too often, and no other replaces it."""
         try:
             await super().keep()
         finally:
@@ -132,11 +132,11 @@ class Worker(Supervised):
         if self._rare_s is None and self.ready.is_set() and delay_s is not None:
             why = f" {self._failure}" if self._failure else ""
             _warn(f"The {self.name} exited ({how_it_ended(status)}); restarting it.{why}")
-            return 0.0 if delay_s == BackOff.FIRST_S else delay_s  # the first time at once: viewers wait
+            return 0.0 if delay_s == BackOff.FIRST_S else delay_s  # at once the first time, because viewers are waiting
         if not await self._are_others_up():
             raise StartError(self._why(status))
         self._rare_s = RARE_S if self._rare_s is None else min(2 * self._rare_s, RAREST_S)
-        _warn(f"{self._why(status)} It is tried again in {self._rare_s:g} s; others do its work meanwhile.")
+        _warn(f"{self._why(status)} It is restarted in {self._rare_s:g} s; others replace it until then.")
         return self._rare_s
 
     def _signal(self, number: signal.Signals) -> None:
@@ -148,11 +148,11 @@ class Worker(Supervised):
         return self._launched is not None and self._served_since is not None
 
     def _served_s(self) -> float:
-        """Return for how many seconds it has served, or did before it ended."""
+        """Return the seconds for which the worker has been serving, or had been before it exited."""
         return 0.0 if self._served_since is None else time.monotonic() - self._served_since
 
     async def _are_others_up(self) -> bool:
-        """Return whether another worker replaces this one, once none of them is still starting."""
+        """Return whether another worker replaces this one. Waits while others are still starting."""
         while not any(other._serves for other in self.others):
             starting = [other for other in self.others if not other.settled.is_set()]
             if not starting:
@@ -161,7 +161,7 @@ class Worker(Supervised):
         return True
 
     def _why(self, status: int | OSError) -> str:
-        """Explain why it is not simply started again."""
+        """Explain why the worker is not simply restarted."""
         if not self.ready.is_set():
             if self._failure is None:
                 return f"The {self.name} did not start ({how_it_ended(status)})."
@@ -174,18 +174,18 @@ class Worker(Supervised):
 
 
 class Standby:
-    """A standby edge, which replaces one that has ended: starting Python takes seconds on a busy machine."""
+    """A standby edge, which replaces one that has exited, because starting Python takes seconds on a busy machine."""
 
     def __init__(self, inherited: Sequence[int]) -> None:
         """inherited: the file descriptors of all edges."""
         self._inherited = inherited
         self._own: asyncio.Task[WorkerProcess] | None = None
-        """The process until it is used."""
+        """The standby process, until it is used."""
         self._loaded: asyncio.Queue[WorkerProcess] = asyncio.Queue()
-        """The same once it waits for its first message."""
+        """The standby process, once it is waiting for its first message."""
 
     async def take(self) -> WorkerProcess:
-        """Return a process for an edge: the waiting one, or a new one."""
+        """Return a process for an edge: the standby, or a new one."""
         if not self._loaded.empty():
             waiting = self._loaded.get_nowait()
             self._loaded.task_done()
@@ -196,16 +196,16 @@ class Standby:
         return await WorkerProcess.start("edge", self._inherited)
 
     async def keep(self) -> None:
-        """Keep one waiting until cancelled. Then call `end`."""
+        """Keep a standby until cancelled. Call `end` after that."""
         while True:
             self._own = asyncio.create_task(WorkerProcess.start("standby_edge", self._inherited))
             try:
                 launched = await asyncio.shield(self._own)
-            except OSError as error:  # such as a fork for which there was no memory
+            except OSError as error:  # for example, a lack of memory for a fork
                 self._own = None
                 logger.warning("No spare edge could be started: %s", error)
             else:
-                if await anext(aiter(launched.channel), None) is not None:  # its `Loaded`
+                if await anext(aiter(launched.channel), None) is not None:  # the message `Loaded`
                     self._loaded.put_nowait(launched)
                     await self._loaded.join()
                 else:
@@ -213,10 +213,10 @@ class Standby:
             await asyncio.sleep(STANDBY_PAUSE_S)
 
     async def end(self) -> None:
-        """Kill it, since it has no work to finish."""
+        """Kill the standby, which has no work to finish."""
         if self._own is None:
             return
-        with suppress(OSError):  # it was about to start, and could not
+        with suppress(OSError):  # it was about to start, but failed
             launched = await self._own
             launched.signal(signal.SIGKILL)
             await launched.process.wait()
