@@ -151,7 +151,7 @@ def test_commands_have_few_parameters() -> None:
     ("arguments", "sentence"),
     [
         (["render", "--memory-gb", "-1"], "--memory-gb: Input should be greater than 0"),
-        (["render", "--device", "tpu"], "--device: 'tpu' is none of auto, cpu, cuda"),
+        (["render", "--device", "tpu"], "--device: 'tpu' is not auto, cpu, cuda"),
         (["render", "--allow-origin", "lab"], "--allow-origin: 'lab' is not a page's origin"),
         (["render", "--wheels"], "unrecognized arguments: --wheels; `tigas render --help` lists the options."),
         (["render", "--scene", "x"], "unrecognized arguments: --scene x"),

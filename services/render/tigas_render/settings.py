@@ -42,7 +42,7 @@ Edges = Annotated[int | None, NoDecode, BeforeValidator(_edges), Metavar("auto|N
 
 def _devices(value: str) -> str:
     if not re.fullmatch(rf"auto|cuda|{_DEVICE}(,{_DEVICE})*", value):
-        raise ValueError(f"{value[:100]!r} is none of auto, cpu, cuda, cuda:N, or several with commas between them")
+        raise ValueError(f"{value[:100]!r} is not auto, cpu, cuda, cuda:N, or several devices separated by commas")
     return value
 
 

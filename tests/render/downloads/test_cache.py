@@ -156,7 +156,7 @@ async def test_a_file_that_was_cut_off_is_made_again(tmp_path: Path) -> None:
 
 async def test_a_cache_that_cannot_be_written_is_a_sentence(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
-    with pytest.raises(NoSpace, match="cannot keep garden as a download: "):
+    with pytest.raises(NoSpace, match="cannot store garden as a download: "):
         await DownloadCache(tmp_path / "file" / "cache", SIZE, Maker()).get(SOURCE)
 
 

@@ -156,7 +156,7 @@ async def test_a_bad_one_is_replaced(
 ) -> None:
     preview = await cache.get(replace(SOURCE, preview=plys.write(tmp_path / "preview.jpg", content)))
     assert Image.open(io.BytesIO(preview.body)).size == (640, 360)
-    assert "another is rendered" in caplog.text
+    assert "a preview is rendered" in caplog.text
 
 
 def test_a_missing_file_is_no_preview(tmp_path: Path) -> None:

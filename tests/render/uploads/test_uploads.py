@@ -291,7 +291,7 @@ async def test_an_upload_for_which_the_disk_has_no_room_is_kept_and_added_later(
         broken.setattr(os, "link", full)
         refused = await client.post(f"{at}/scene")
     assert problem(refused) == (507, "disk-full")
-    assert refused.json()["detail"] == "There is no room on the disk for shell; free some, and try again."
+    assert refused.json()["detail"] == "There is not enough disk space for shell; free some and try again."
     assert (await client.post(f"{at}/scene")).json() == {"id": "shell"}
 
 
@@ -302,7 +302,7 @@ async def test_a_scene_that_cannot_be_kept_leaves_its_name_free(
     with monkeypatch.context() as broken:
         broken.setattr(os, call, fail)
         refused = await upload(client, "shell.spz", SHELL)
-    assert (refused.status_code, refused.json()["detail"]) == (422, "shell could not be kept: Input/output error.")
+    assert (refused.status_code, refused.json()["detail"]) == (422, "shell could not be stored: Input/output error.")
     assert (await upload(client, "shell.spz", SHELL)).status_code == 201
 
 

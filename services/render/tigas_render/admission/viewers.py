@@ -68,7 +68,7 @@ class RequestRate:
         told = self.told
         rate = self._most if told is None else min(self._most, SLACK * told)
         if not self._limit.allows(client, self._clock(), rate, max(LEAST_BURST / rate, BURST_S)):
-            often = f"more than {told or self._most:.0f} times a second"
+            often = f"more than {told or self._most:.0f} requests a second"
             raise AskedTooOften(f"This session sends {often}; send fewer.", 1 / rate)
 
 

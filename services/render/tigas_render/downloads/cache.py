@@ -165,7 +165,7 @@ class DownloadCache:
             temporary.replace(path)
         except OSError as error:
             reason = error.strerror or error
-            raise NoSpace(f"The server cannot keep {source.name} as a download: {reason}.") from None
+            raise NoSpace(f"The server cannot store {source.name} as a download: {reason}.") from None
         finally:
             with contextlib.suppress(OSError):
                 temporary.unlink()

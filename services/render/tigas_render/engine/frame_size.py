@@ -79,6 +79,6 @@ def _sized(width: int, height: int, rung: Rung | None, overscan: float, is_video
         )
     if is_video and size.pixels > MAX_VIDEO_PIXELS:
         raise InvalidRequest(
-            f"video: the frame would have {size.width}×{size.height} pixels; H.264 takes {MAX_VIDEO_PIXELS}."
+            f"video: the frame would have {size.width}×{size.height} pixels; H.264 allows {MAX_VIDEO_PIXELS}."
         )
     return size

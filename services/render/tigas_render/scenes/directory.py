@@ -145,7 +145,7 @@ def _ladder(scene: Path) -> tuple[Rung, ...] | None:
     try:
         return read_ladder(scene)
     except BrokenScene as error:
-        _log.warning("%s: %s It is shown with the server's ladder.", scene.name, error.detail)
+        _log.warning("%s: %s The server's ladder is used instead.", scene.name, error.detail)
         return None
 
 

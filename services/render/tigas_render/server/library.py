@@ -139,7 +139,7 @@ def keep_upload(uploads: Uploads, id: str) -> None:
             keep(upload.path, uploads.models, upload.scene)
     except OSError as error:
         if error.errno in NO_SPACE:
-            raise DiskFull(f"There is no room on the disk for {upload.scene}; free some, and try again.") from None
-        raise NotAdded(f"{upload.scene} could not be kept: {error.strerror or error}.") from None
+            raise DiskFull(f"There is not enough disk space for {upload.scene}; free some and try again.") from None
+        raise NotAdded(f"{upload.scene} could not be stored: {error.strerror or error}.") from None
     except RuntimeError as error:  # raised by PyTorch when it runs out of memory
         raise MemoryError from error

@@ -59,7 +59,7 @@ class PreviewCache:
             if own is not None:
                 return own
             _log.warning(
-                "%s is not a JPEG or PNG of at most %d MB; another is rendered", source.preview, MAX_BYTES // 10**6
+                "%s is not a JPEG or PNG of at most %d MB; a preview is rendered", source.preview, MAX_BYTES // 10**6
             )
         path = self._path(source)
         return await self._rendering.get(path, lambda: self._cached_or_rendered(source.id, path))

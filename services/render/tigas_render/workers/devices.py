@@ -32,7 +32,7 @@ def devices_for(settings: RenderSettings) -> tuple[str, ...]:
         devices = tuple(f"cuda:{number}" for number in range(gpus))
     for device, times in Counter(devices).items():
         if times > 1 and device.startswith("cuda"):
-            raise StartError(f"{device} is named twice; an engine has a GPU to itself.")
+            raise StartError(f"{device} is named twice; each engine needs its own GPU.")
     if len(devices) > 1 and sys.platform != "linux":
         raise StartError("Several devices need Linux; choose one with --device.")
     return devices
