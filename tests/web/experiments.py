@@ -84,7 +84,7 @@ def fill(page: Page, *, name: str, movement: str, seconds: str, network: str = "
     form.get_by_role("combobox", name="Prediction").select_option("off")
     form.get_by_role("textbox", name="Name").fill(name)
     form.get_by_role("combobox", name="Movement").select_option(movement)
-    form.get_by_role("textbox", name="Each run lasts").fill(seconds)
+    form.get_by_role("textbox", name="Run duration").fill(seconds)
     form.get_by_role("combobox", name="Network").select_option(network)
 
 

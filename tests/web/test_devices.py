@@ -108,7 +108,7 @@ def test_follows_the_systems_colours_until_told_otherwise(open_page: OpenPage, s
         return sum(int(part) for part in background.removeprefix("rgb(").rstrip(")").split(",")) < 3 * 128
 
     theme = page.get_by_role("button", name="Theme")
-    expect(theme).to_have_accessible_name("Theme: as the system")
+    expect(theme).to_have_accessible_name("Theme: system")
     assert dark() == (scheme == "dark")
     theme.click()
     expect(theme).to_have_accessible_name("Theme: light")

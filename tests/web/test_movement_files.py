@@ -48,7 +48,7 @@ def test_everything_is_reached_by_keyboard_on_a_phone(open_page: OpenPage, serve
     for _ in range(7):
         page.keyboard.press("Tab")
         names.append(page.evaluate("(document.activeElement.ariaLabel ?? document.activeElement.innerText).trim()"))
-    assert names[:4] == ["Open a CSV file…", "Place in the movement", "Play", "Record"]
+    assert names[:4] == ["Open a CSV file…", "Position in the movement", "Play", "Record"]
     box = page.locator(".movement").bounding_box()
     assert box is not None
     assert box["x"] >= 0

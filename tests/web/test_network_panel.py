@@ -40,16 +40,16 @@ def test_the_network_panel(shaper: FakeShaper, page_url: str, open_page: OpenPag
 
     expect(page.get_by_role("radio", name="stairs")).to_be_checked()
     expect(page.locator(".trace-plot path")).to_have_count(2)
-    expect(page.get_by_role("figure", name="Rate towards this page").locator("canvas")).to_be_visible()
-    expect(page.get_by_role("figure", name="Rate towards this page")).to_contain_text("Target 100 Mbit/s")
-    expect(page.get_by_role("figure", name="Our frames").locator("canvas")).to_be_visible()
+    expect(page.get_by_role("figure", name="Rate to this page").locator("canvas")).to_be_visible()
+    expect(page.get_by_role("figure", name="Rate to this page")).to_contain_text("Target 100 Mbit/s")
+    expect(page.get_by_role("figure", name="Frames of this page").locator("canvas")).to_be_visible()
     assert inked(page), "the chart is blank"
 
     page.get_by_role("radio", name="tunnel").check()
     panel = page.locator(".network")
-    panel.get_by_label("Start again at the end").uncheck()
+    panel.get_by_label("Loop").uncheck()
     panel.get_by_role("button", name="Play").press("Enter")
-    expect(page.locator("[data-network=mode]")).to_contain_text(re.compile(r"Plays tunnel, 0:0\d of 0:08"))
+    expect(page.locator("[data-network=mode]")).to_contain_text(re.compile(r"Playing tunnel, 0:0\d of 0:08"))
     assert shaper.asked == [("/start", {"trace": "tunnel", "loop": False})]
 
 

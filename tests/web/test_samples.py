@@ -24,7 +24,7 @@ def begin(page: Page, name: str, seconds: str = "1.5") -> None:
     wait_for_frames(page)
     fill(page, name=name, movement="store/turn", seconds=seconds)
     dialog(page).get_by_label("Seen").uncheck()
-    dialog(page).get_by_role("textbox", name="Save every n-th frame").fill(str(EVERY))
+    dialog(page).get_by_role("textbox", name="Save every nth frame").fill(str(EVERY))
     start(page)
 
 

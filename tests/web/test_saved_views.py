@@ -47,7 +47,7 @@ def test_a_view_and_a_path_are_saved_and_there_after_a_reload(visit: tuple[Page,
     door = walk(page, poses, "KeyW")
     assert np.linalg.norm(np.subtract(door, corner)) > 0.1
     press(page, "Add this view as a keyframe")
-    page.get_by_label("Name of the path").fill("Way in")
+    page.get_by_label("Path name").fill("Way in")
     press(page, "Save path")
     expect(page.get_by_role("radio", name="Way in")).to_be_checked()
 

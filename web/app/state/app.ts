@@ -82,5 +82,5 @@ export function replaceScene(scene: SceneInfo): void {
 }
 
 function sentence(error: unknown): string {
-  return error instanceof ApiError ? error.message : "Something went wrong in this page; reloading it may help.";
+  return error instanceof ApiError ? error.message : "Something went wrong. Try reloading the page.";
 }

@@ -49,26 +49,26 @@ test.each([
 test.each([
   [
     { left: "local-ply" },
-    /^The link sets left to “local-ply”, which is not possible; choose one of stateless, video, /,
+    /^The link sets left to “local-ply”, which is not a valid value; choose one of stateless, video, /,
   ],
   [
     { prediction: "magic" },
-    /^The link sets prediction to “magic”, which is not possible; choose one of off, velocity, /,
+    /^The link sets prediction to “magic”, which is not a valid value; choose one of off, velocity, /,
   ],
-  [{ upscale: "magic" }, /^The link sets upscale to “magic”, which is not possible; choose one of off, bicubic, /],
+  [{ upscale: "magic" }, /^The link sets upscale to “magic”, which is not a valid value; choose one of off, bicubic, /],
   [
     { reprojection: "maybe" },
-    /^The link sets reprojection to “maybe”, which is not possible; choose one of on, off\.$/,
+    /^The link sets reprojection to “maybe”, which is not a valid value; choose one of on, off\.$/,
   ],
-  [{ profile: "-2" }, /^The link sets profile to “-2”, which is not possible\.$/],
-  [{ at: "here" }, /^The link's place cannot be read/],
-  [{ view: "constructor" }, /^This scene has no saved view “constructor”\.$/],
+  [{ profile: "-2" }, /^The link sets profile to “-2”, which is not a valid value\.$/],
+  [{ at: "here" }, /^The camera pose in the link is invalid/],
+  [{ view: "constructor" }, /^This scene has no saved view named “constructor”\.$/],
 ])("a link with %o says what makes no sense in it", (named, sentence) => {
   expect(linkNote(named, [], COURTYARD)).toMatch(sentence);
 });
 
 test("what a link names and nobody knows is said", () => {
   const { asked: named, unknown } = asked("#/scene/courtyard?predicton=linear");
-  expect(linkNote(named, unknown)).toMatch(/^The link has no setting “predicton”; choose from at, view/);
+  expect(linkNote(named, unknown)).toMatch(/^Unknown setting in the link: “predicton”. Supported: at, view/);
   expect(linkNote({ mode: "video" })).toBeNull();
 });

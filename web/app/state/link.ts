@@ -37,19 +37,19 @@ export function linkedPose({ at, view = "" }: Asked, views: SceneInfo["views"] =
 /** One sentence on invalid settings in a link, which have no effect; null if all are valid. */
 export function linkNote(asked: Asked, unknown: readonly string[] = [], scene?: SceneInfo | null): string | null {
   if (unknown.length > 0) {
-    return `The link has no setting “${unknown.join("”, “")}”; choose from ${ASKABLE.join(", ")}.`;
+    return `Unknown setting in the link: “${unknown.join("”, “")}”. Supported: ${ASKABLE.join(", ")}.`;
   }
   if (asked.at !== undefined && linkedPose({ at: asked.at }) === null) {
-    return "The link's place cannot be read: “at” takes seven numbers, x, y, z and a quaternion.";
+    return "The camera pose in the link is invalid: “at” takes seven numbers, x, y, z and a quaternion.";
   }
   if (asked.view !== undefined && scene && linkedPose({ view: asked.view }, scene.views) === null) {
-    return `This scene has no saved view “${asked.view}”.`;
+    return `This scene has no saved view named “${asked.view}”.`;
   }
   const wrong = LINKED.find((name) => asked[name] !== undefined && settingOf(name, asked[name]) === undefined);
   if (wrong === undefined) return null;
   const choices = choicesOf(wrong);
   const hint = choices ? `; choose one of ${choices.join(", ")}` : "";
-  return `The link sets ${wrong} to “${asked[wrong]}”, which is not possible${hint}.`;
+  return `The link sets ${wrong} to “${asked[wrong]}”, which is not a valid value${hint}.`;
 }
 
 function inText(value: Settings[LinkedName]): string {

@@ -22,8 +22,8 @@ export function InsecureHint() {
     <p class="hint row">
       <Icon of={LockOpen} />
       <span>
-        This page is not encrypted, so pictures come a slower way. Open <a href={url}>the secure page</a>; your browser
-        asks once whether to trust it.
+        This page is not encrypted, so pictures arrive over a slower connection. Open <a href={url}>the secure page</a>
+        (your browser will ask once whether you trust it).
       </span>
     </p>
   );

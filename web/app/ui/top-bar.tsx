@@ -7,7 +7,7 @@ import { IconButton } from "./button";
 
 const NEXT: Record<Settings["theme"], Settings["theme"]> = { system: "light", light: "dark", dark: "system" };
 const ICONS = { system: Monitor, light: Sun, dark: Moon };
-const NAMES = { system: "as the system", light: "light", dark: "dark" };
+const NAMES = { system: "system", light: "light", dark: "dark" };
 
 export function TopBar({ children }: { children: ComponentChildren }) {
   return (

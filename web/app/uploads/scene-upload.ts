@@ -117,5 +117,5 @@ async function forget(upload: Upload): Promise<void> {
 function sentence(error: unknown): string {
   if (error instanceof ApiError) return error.message;
   const answer = (error as Partial<DetailedError>).originalResponse;
-  return answer ? problemOf(answer.getStatus(), answer.getBody()).detail : "The server does not answer.";
+  return answer ? problemOf(answer.getStatus(), answer.getBody()).detail : "The server is not responding.";
 }

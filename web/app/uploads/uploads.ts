@@ -18,7 +18,7 @@ export function addFiles(files: readonly File[], limit: number): void {
     const upload = new SceneUpload(file);
     uploads.value = [...uploads.value, upload];
     if (file.size > limit)
-      upload.refuse(`It is larger than the ${Math.floor(limit / 1e6)} MB that this server accepts.`);
+      upload.refuse(`The file is larger than ${Math.floor(limit / 1e6)} MB, the limit of this server.`);
     else enqueue(upload);
   }
 }

@@ -33,7 +33,7 @@ const card = async (name: string) => (await screen.findByRole("heading", { name 
 
 test("each scene says what it is and opens the viewer; a broken one says why it cannot", async () => {
   render(<Dashboard />);
-  expect(screen.getByRole("status").textContent).toBe("Loading the list…");
+  expect(screen.getByRole("status").textContent).toBe("Loading scenes…");
   const courtyard = within(await card("Courtyard"));
   expect(courtyard.getByRole("link").getAttribute("href")).toBe("#/scene/courtyard");
   expect(courtyard.getByText("299 k Gaussians · 20 MB · SH degree 3")).toBeTruthy();
@@ -108,7 +108,7 @@ test("scenes are found by what is typed, and / goes there", async () => {
   await waitFor(() => expect(screen.queryByRole("heading", { name: "Courtyard" })).toBeNull());
   expect(screen.getByRole("status").textContent).toBe("1 of 3 scenes");
   await user.keyboard("x");
-  expect(await screen.findByText("Nothing matches “pebx”")).toBeTruthy();
+  expect(await screen.findByText("No scenes match “pebx”")).toBeTruthy();
 });
 
 test("a scene is loaded and unloaded, and says so meanwhile", async () => {

@@ -173,7 +173,7 @@ export function Dashboard() {
 }
 
 function summary(all: number | undefined, found: number | undefined): string {
-  if (all === undefined || found === undefined) return "Loading the list…";
+  if (all === undefined || found === undefined) return "Loading scenes…";
   const scenes = all === 1 ? "1 scene" : `${all} scenes`;
   return found === all ? `${scenes} on this server` : `${found} of ${scenes}`;
 }

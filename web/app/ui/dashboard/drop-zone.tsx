@@ -31,7 +31,7 @@ export function DropZone({ allowed, onFiles }: Props) {
     <div class="drop-zone">
       <p>
         <Icon of={Upload} size={28} />
-        {allowed ? "Drop to add as scenes" : "Pages cannot add scenes to this server"}
+        {allowed ? "Drop files to add scenes" : "This server does not accept uploads"}
       </p>
     </div>
   );

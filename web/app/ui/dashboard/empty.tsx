@@ -8,13 +8,13 @@ export function NoScenes({ editable }: { editable: boolean }) {
       <Icon of={Box} size={36} />
       <h2>No scenes yet</h2>
       <p>
-        {editable && "Drop scene files here. Or put "}
-        {!editable && "Put "}scenes into the server's models directory, then look for new scenes.
+        {editable ? "Drop scene files here, or put them " : "Put scene files "}into the server's models directory and
+        rescan the folder.
       </p>
       <pre>
         <code>{`models/
   kitchen.spz         3D Gaussian Splatting: PLY, compressed PLY, SOG, SPZ or .splat
-  garden/             a folder may say more
+  garden/             a folder can hold more
     point_cloud.ply
     preview.jpg       optional
     scene.json        optional: name, up axis, start camera, background`}</code>
@@ -27,8 +27,8 @@ export function NoMatch({ filter }: { filter: string }) {
   return (
     <section class="empty stack">
       <Icon of={SearchX} size={36} />
-      <h2>Nothing matches “{filter}”</h2>
-      <p>A scene's name or id must contain every word that you type.</p>
+      <h2>No scenes match “{filter}”</h2>
+      <p>A scene's name or id must contain every word you type.</p>
     </section>
   );
 }

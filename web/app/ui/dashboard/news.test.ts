@@ -10,7 +10,7 @@ const broken = (id: string, error = "It is truncated.") => scene(id, { state: "b
 
 test("says that nothing has changed, whatever is loaded meanwhile", () => {
   const before = [scene("a"), broken("b")];
-  expect(whatIsNew(before, [scene("a", { state: "loaded" }), broken("b")])).toBe("Nothing new.");
+  expect(whatIsNew(before, [scene("a", { state: "loaded" }), broken("b")])).toBe("No changes.");
 });
 
 test("names what came, changed, broke and went, and counts what is too much to name", () => {
@@ -24,6 +24,6 @@ test("names what came, changed, broke and went, and counts what is too much to n
     broken("odd"),
   ];
   expect(whatIsNew(before, after)).toBe(
-    "New: v, w, x and 2 more. Changed: grown, mended. Broken: spoilt, odd. Gone: gone.",
+    "New: v, w, x and 2 more. Changed: grown, mended. Broken: spoilt, odd. Removed: gone.",
   );
 });

@@ -20,11 +20,11 @@ export function whatIsNew(before: readonly SceneInfo[], after: readonly SceneInf
       after.filter((scene) => !isSound(scene) && old.get(scene.id)?.error !== scene.error),
     ),
     group(
-      "Gone",
+      "Removed",
       before.filter(({ id }) => !ids.has(id)),
     ),
   ].filter((words) => words !== "");
-  return groups.length === 0 ? "Nothing new." : `${groups.join(". ")}.`;
+  return groups.length === 0 ? "No changes." : `${groups.join(". ")}.`;
 }
 
 function isSound({ state }: SceneInfo): boolean {

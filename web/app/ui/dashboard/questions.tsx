@@ -24,7 +24,7 @@ export function RenameQuestion({ scene, onClose }: Props) {
       onDone={() => void refresh(scene.id, renamed.current)}
       onClose={onClose}
     >
-      <p class="muted small">Links with the old name stop working, and anyone viewing it has to open it again.</p>
+      <p class="muted small">Links with the old name will stop working, and viewers have to open it again.</p>
     </NameQuestion>
   );
 }
@@ -39,7 +39,7 @@ export function DeleteQuestion({ scene, onClose }: Props) {
       onClose={onClose}
     >
       <p>
-        Its file, or its folder with everything in it, is deleted from the server's disk. Anyone viewing it will be
+        Its file, or its folder with everything in it, will be deleted from the server's disk. Anyone viewing it will be
         disconnected. This cannot be undone.
       </p>
     </Question>

@@ -19,7 +19,7 @@ export function UploadCard({ upload }: { upload: SceneUpload }) {
         ) : (
           <>
             <progress
-              aria-label={`Upload of ${file.name}`}
+              aria-label={`Uploading ${file.name}`}
               max={file.size}
               {...(state.kind !== "checking" && { value: state.kind === "sending" ? state.sent : 0 })}
             />

@@ -38,7 +38,7 @@ export function ExperimentDialog({ session, open }: Props) {
     >
       {store === null ? (
         <p>
-          Experiments need a store, which this server does not have: <code>tigas store</code> starts one.
+          Experiments need a store, and this server has none. Start one with <code>tigas store</code>.
         </p>
       ) : (
         <ExperimentForm

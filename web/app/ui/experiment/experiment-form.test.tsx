@@ -73,7 +73,7 @@ test("a movement of this visit goes with the file", async () => {
 
 test("an edited file replaces the form, which can be had back", async () => {
   await opened();
-  const file = screen.getByRole<HTMLTextAreaElement>("textbox", { name: "Experiment’s file" });
+  const file = screen.getByRole<HTMLTextAreaElement>("textbox", { name: "Experiment file" });
   const written = file.value;
   fireEvent.input(file, { target: { value: '{"name": "mine"}' } });
   expect(
@@ -92,7 +92,7 @@ test("what the store refuses is said, and gone once it is being mended", async (
   expect((await screen.findByRole("alert")).textContent).toBe(refusal);
   expect(location.hash).toBe("");
   refusal = null;
-  fireEvent.input(screen.getByRole("textbox", { name: "Runs of each" }), { target: { value: "3" } });
+  fireEvent.input(screen.getByRole("textbox", { name: "Repeats" }), { target: { value: "3" } });
   expect(screen.getByRole("alert").textContent).toBe("");
   expect(await screen.findByText("2 runs, about 6 minutes.")).toBeTruthy();
 });

@@ -96,21 +96,21 @@ export function ExperimentForm({ session, shaper, store, draft, onDraft, onStart
         <NetworkChoice shaper={shaper} draft={draft} onChange={set} />
         <ConditionChoice draft={draft} onChange={set} />
         <TextField
-          label="Parts of the movement"
+          label="Movement segments"
           numeric
           value={draft.segments}
           onValue={(typed) => set({ segments: typed })}
         />
-        <TextField label="Runs of each" numeric value={draft.repeats} onValue={(typed) => set({ repeats: typed })} />
+        <TextField label="Repeats" numeric value={draft.repeats} onValue={(typed) => set({ repeats: typed })} />
         <TextField
-          label="Each run lasts"
+          label="Run duration"
           unit="s"
           numeric
           value={draft.duration}
           onValue={(typed) => set({ duration: typed })}
         />
         <TextField
-          label="Save every n-th frame"
+          label="Save every nth frame"
           unit="0 = off"
           numeric
           value={draft.stride}
@@ -119,9 +119,9 @@ export function ExperimentForm({ session, shaper, store, draft, onDraft, onStart
         />
       </fieldset>
       <details data-wide>
-        <summary>As a file</summary>
+        <summary>Edit as a file</summary>
         <textarea
-          aria-label="Experiment’s file"
+          aria-label="Experiment file"
           spellcheck={false}
           rows={12}
           value={file}
@@ -206,7 +206,7 @@ function NetworkChoice({ shaper, draft, onChange }: PartProps & { readonly shape
           ),
         ]}
         onValue={(value) => onChange({ trace: value === "" ? null : value })}
-        note={shaper === null ? "There is no shaper behind this page." : shaper.connectionError.value}
+        note={shaper === null ? "This server has no network shaper." : shaper.connectionError.value}
       />
       <TextField
         label="Round trip"
@@ -241,7 +241,7 @@ function ConditionChoice({ draft, onChange }: PartProps) {
         ))}
       </fieldset>
       <fieldset disabled={!draft.modes.some(isPerView)}>
-        <legend class="small">Controllers, stateless and video</legend>
+        <legend class="small">Controllers for stateless and video</legend>
         {controllers.map((controller) => (
           <Check
             key={controller}

@@ -75,7 +75,7 @@ test("one is deleted once a person says yes", async () => {
   const ask = async (answer: string) => {
     await userEvent.click((await row(/^Bus/)).getByRole("button", { name: "Delete Bus" }));
     const question = within(await screen.findByRole("dialog", { name: "Delete “Bus”?" }));
-    expect(question.getByText(/^Its 4 runs of Jan 2, 2026, .* cannot be undone/)).toBeTruthy();
+    expect(question.getByText(/^Its 4 runs from Jan 2, 2026, .* cannot be undone/)).toBeTruthy();
     await userEvent.click(question.getByRole("button", { name: answer }));
   };
   await ask("Cancel");
@@ -90,7 +90,7 @@ test("one is deleted once a person says yes", async () => {
 test.each<[string, () => void, RegExp]>([
   ["is empty", () => Object.assign(answers, { "/experiments": { experiments: [] } }), /No experiments yet/],
   ["does not answer", () => delete answers["/experiments"], /The store at http:\/\/store.test does not answer/],
-  ["is not there", () => Object.assign(config, { value: serverConfig() }), /This server has no store/],
+  ["is not there", () => Object.assign(config, { value: serverConfig() }), /This server has no experiment store/],
 ])("a store that %s is said", async (_, prepare, sentence) => {
   prepare();
   render(<ExperimentList />);

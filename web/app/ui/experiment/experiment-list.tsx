@@ -31,7 +31,7 @@ export function ExperimentList() {
         {base ? (
           <StoredExperiments key={uploads} base={base} />
         ) : (
-          config.value && <p>This server has no store of experiments.</p>
+          config.value && <p>This server has no experiment store.</p>
         )}
         <LocalSamples
           store={base === undefined ? null : new StoreApi(base)}
@@ -49,7 +49,7 @@ function StoredExperiments({ base }: { base: string }) {
   const store = useMemo(() => new StoreApi(base), [base]);
   const look = useCallback(() => attempt(async () => setList(await store.list())), [store, attempt]);
   useEffect(() => void look(), [look]);
-  if (list === undefined && problem.value === null) return <p class="muted">Loading the list…</p>;
+  if (list === undefined && problem.value === null) return <p class="muted">Loading experiments…</p>;
   if (list?.length === 0)
     return <p>No experiments yet. To start one, open a scene and choose Experiment… in the lab, or press X.</p>;
   return (
@@ -71,8 +71,8 @@ function StoredExperiments({ base }: { base: string }) {
           onClose={() => setUnwanted(undefined)}
         >
           <p>
-            Its {unwanted.runs === 1 ? "run" : `${unwanted.runs} runs`} of {dateOf(unwanted.created)} and all of their
-            samples are deleted from the server’s disk. This cannot be undone.
+            Its {unwanted.runs === 1 ? "run" : `${unwanted.runs} runs`} from {dateOf(unwanted.created)} and all their
+            samples will be deleted from the server’s disk. This cannot be undone.
           </p>
         </Question>
       )}

@@ -53,7 +53,7 @@ export function MovementChoice({ list: { listed, silence }, chosen, onChoose, on
       <div class="number-field small">
         <span>&nbsp;</span>
         <FileButton
-          label="Movement file of the experiment"
+          label="Movement file for the experiment"
           accept=".csv,text/csv,text/plain"
           onFile={(file) => void open(file)}
         >

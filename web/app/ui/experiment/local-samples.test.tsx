@@ -75,7 +75,7 @@ test("an upload shows how far it is, and what keeps it", async () => {
   await shown();
   await userEvent.click(screen.getByRole("button", { name: "Upload" }));
   expect(upload).toHaveBeenCalledWith(expect.objectContaining({ key: "a", store: STORE }));
-  await vi.waitFor(() => expect(screen.getByLabelText<HTMLProgressElement>("Uploaded").value).toBe(500_000));
+  await vi.waitFor(() => expect(screen.getByLabelText<HTMLProgressElement>("Upload progress").value).toBe(500_000));
   ended.reject(new ApiError("The disk is full.", false));
   expect((await screen.findByRole("alert")).textContent).toBe("The disk is full.");
   expect(await screen.findByRole("button", { name: "Upload" })).toBeTruthy();

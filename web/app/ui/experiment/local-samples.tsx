@@ -33,7 +33,7 @@ export function LocalSamples({ store, onUploaded }: Props) {
   return (
     <section class="local-samples stack" aria-labelledby="local-samples">
       <h2 id="local-samples">Samples in this browser</h2>
-      <p class="muted">Shown frames that experiments kept here, and that no store has yet.</p>
+      <p class="muted">Frames that experiments saved in this browser and that have not been uploaded to a store yet.</p>
       <Notice>{problem.value}</Notice>
       <Table columns={["Run", "Samples", "Size", null]}>
         {runs.map((run) => (
@@ -47,7 +47,7 @@ export function LocalSamples({ store, onUploaded }: Props) {
           action={() => done(deleteSamples(unwanted.key))}
           onClose={() => setUnwanted(undefined)}
         >
-          <p>No store has them. This cannot be undone.</p>
+          <p>They have not been uploaded to a store. This cannot be undone.</p>
         </Question>
       )}
     </section>
@@ -86,7 +86,7 @@ function Row({ run, store, onDone, onDelete }: RowProps) {
       <td>{bytes(run.bytes)}</td>
       <td>
         {sent !== null ? (
-          <progress max={Math.max(1, run.bytes)} value={sent} aria-label="Uploaded" />
+          <progress max={Math.max(1, run.bytes)} value={sent} aria-label="Upload progress" />
         ) : busy ? (
           <span class="muted">In use by another tab</span>
         ) : (

@@ -27,7 +27,7 @@ export function RunPage({ id }: { id: string }) {
         <a href={EXPERIMENTS}>Experiments</a>
       </TopBar>
       {base !== undefined && <Performing id={id} store={base} shaper={config.value?.services.shaper} />}
-      {config.value && base === undefined && <p>This server has no store of experiments.</p>}
+      {config.value && base === undefined && <p>This server has no experiment store.</p>}
     </div>
   );
 }
@@ -151,7 +151,7 @@ function ProgressPanel({ conductor }: { conductor: Conductor }) {
       </p>
       <output>about {clock(remaining_s * 1000)} left</output>
       <QuietButton onClick={() => conductor.cancel()}>Cancel</QuietButton>
-      <progress max={Math.max(1, planned)} value={done} aria-label="Progress of the experiment" />
+      <progress max={Math.max(1, planned)} value={done} aria-label="Experiment progress" />
     </section>
   );
 }

@@ -11,7 +11,7 @@ const PICTURES = {
   original: "Received",
   enhanced: "Enhanced",
   truth: "Ground truth",
-  replayed: "Rendered again",
+  replayed: "Re-rendered",
 } as const;
 type Picture = keyof typeof PICTURES;
 const VIEWS = {
@@ -31,7 +31,7 @@ export function SampleGallery({ samples, load }: Props) {
   const [chosen, setChosen] = useState(0);
   const index = Math.min(chosen, samples.length - 1);
   const sample = samples[index];
-  if (sample === undefined) return <p>It has no samples.</p>;
+  if (sample === undefined) return <p>This run has no samples.</p>;
   const step = (label: string, to: number) => (
     <button type="button" class="button quiet" disabled={samples[to] === undefined} onClick={() => setChosen(to)}>
       {label}
@@ -99,7 +99,7 @@ function Pictures({ sample, load }: { sample: SampleRow; load: Props["load"] }) 
           max="100"
           step="0.5"
           value={at}
-          aria-label="How much of the left picture"
+          aria-label="Divider position"
           onInput={({ currentTarget }) => setAt(currentTarget.valueAsNumber)}
         />
       </div>
@@ -141,10 +141,10 @@ function Remarks({ sample: { identical, problem, truth } }: { sample: SampleRow 
     <>
       {identical === false && (
         <p class="sample-warning" role="alert">
-          Rendering it again gave a different frame, so ground truth may not belong to this one.
+          Rendering it again gave a different frame, so the ground truth may not match this one.
         </p>
       )}
-      {truth === null && problem === null && <p class="small">Its ground truth is not rendered yet.</p>}
+      {truth === null && problem === null && <p class="small">Its ground truth has not been rendered yet.</p>}
       {problem && <p class="sample-warning">{problem}</p>}
     </>
   );

@@ -101,7 +101,7 @@ test("runs with samples are listed, and the first one's are shown", async () => 
 test("a sample without ground truth says so, and is compared with nothing", async () => {
   render(<SamplesPage id="my bus" />);
   await userEvent.click(await screen.findByRole("button", { name: "Next" }));
-  expect(await screen.findByText("Its ground truth is not rendered yet.")).toBeTruthy();
+  expect(await screen.findByText("Its ground truth has not been rendered yet.")).toBeTruthy();
   expect(views("Left")).toEqual(["Received"]);
   expect(screen.getByRole<HTMLButtonElement>("button", { name: "Next" }).disabled).toBe(true);
 });
@@ -110,7 +110,7 @@ test("a renderer that answered differently is said, and what it sends now can be
   render(<SamplesPage id="my bus" />);
   await userEvent.click(await screen.findByRole("radio", { name: "second" }));
   expect(await screen.findByText(/gave a different frame/)).toBeTruthy();
-  expect(views("Left")).toContain("Rendered again");
+  expect(views("Left")).toContain("Re-rendered");
 });
 
 test("rendering is begun, watched and stopped, and the table follows", async () => {

@@ -24,7 +24,7 @@ export function SamplesPage({ id }: { id: string }) {
         <a href={EXPERIMENTS}>Experiments</a>
       </TopBar>
       <main>
-        {base ? <Samples base={base} id={id} /> : config.value && <p>This server has no store of experiments.</p>}
+        {base ? <Samples base={base} id={id} /> : config.value && <p>This server has no experiment store.</p>}
       </main>
     </div>
   );
@@ -96,7 +96,7 @@ function Rendering({ store, id, attempt, onProgress }: RenderingProps) {
     <div class="sample-choice row wrap">
       {running ? (
         <>
-          <progress max={total} value={done} aria-label="Samples that are rendered again" />
+          <progress max={total} value={done} aria-label="Rendering ground truth" />
           <output>
             {done} of {total}
           </output>

@@ -84,9 +84,11 @@ test("shows what the link carries in both directions, and what it is", async () 
   await show();
   const down = within(screen.getByRole("row", { name: /Down/ })).getAllByRole("cell");
   expect(down.map((cell) => cell.textContent)).toEqual(["20.0", "12.3", "8 ms", "3"]);
-  expect(screen.getByText("A constant link; 20 ms round trip, 0 % loss by the kernel's netem.")).toBeTruthy();
+  expect(screen.getByText("Constant link; 20 ms round trip, 0 % loss, applied by the kernel's netem.")).toBeTruthy();
   await tell({ ...PLAYING, mode: "paused", backend: "relay" } as ShaperStatus);
-  expect(screen.getByText("Paused: bus, 0:05 of 1:00; 20 ms round trip, 0 % loss by the shaper's relay.")).toBeTruthy();
+  expect(
+    screen.getByText("Paused: bus, 0:05 of 1:00; 20 ms round trip, 0 % loss, applied by the shaper's relay."),
+  ).toBeTruthy();
 });
 
 test("a trace is chosen and played, once or over and over; one that is broken says why", async () => {
@@ -95,7 +97,7 @@ test("a trace is chosen and played, once or over and over; one that is broken sa
   expect(screen.getByRole("radio", { name: /torn/ })).toHaveProperty("disabled", true);
   expect(screen.getByText("torn.csv has no rows.")).toBeTruthy();
   await user.click(screen.getByRole("radio", { name: /bus/ }));
-  await user.click(screen.getByRole("checkbox", { name: "Start again at the end" }));
+  await user.click(screen.getByRole("checkbox", { name: "Loop" }));
   await user.click(screen.getByRole("button", { name: "Play" }));
   expect(asked).toEqual([["/start", { trace: "bus", loop: false }]]);
 });
@@ -106,7 +108,7 @@ test("what plays is paused, resumed, looped and stopped", async () => {
   await user.click(screen.getByRole("button", { name: "Pause" }));
   await tell({ ...PLAYING, mode: "paused" });
   await user.click(screen.getByRole("button", { name: "Resume" }));
-  await user.click(screen.getByRole("checkbox", { name: "Start again at the end" }));
+  await user.click(screen.getByRole("checkbox", { name: "Loop" }));
   await user.click(screen.getByRole("button", { name: "Stop" }));
   expect(asked).toEqual([
     ["/pause", {}],
@@ -120,7 +122,7 @@ test("one goes to another place of the trace that plays", async () => {
   await show();
   expect(screen.queryByRole("slider")).toBeNull();
   await tell(PLAYING);
-  const slider = screen.getByRole("slider", { name: "Place in the trace" });
+  const slider = screen.getByRole("slider", { name: "Position in the trace" });
   fireEvent.change(slider, { target: { value: "30000" } });
   await vi.waitFor(() => expect(asked).toEqual([["/seek", { position_ms: 30_000 }]]));
 });

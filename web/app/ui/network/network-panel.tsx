@@ -43,9 +43,9 @@ function Link({ shaper, session }: { shaper: Shaper; session: ViewerSession }) {
     <div class="network stack">
       <Notice>{status.closed}</Notice>
       <Notice>{shaper.actionError.value}</Notice>
-      <LiveChart name="Rate towards this page" quantities={RATES} columns={shaper.rates} />
+      <LiveChart name="Rate to this page" quantities={RATES} columns={shaper.rates} />
       <Directions status={status} />
-      <LiveChart name="Our frames" quantities={FRAMES} columns={frameColumns} />
+      <LiveChart name="Frames of this page" quantities={FRAMES} columns={frameColumns} />
       <Playing shaper={shaper} status={status} />
       <LinkForm link={status.link} onLink={(setting) => void shaper.act((api) => api.link(setting))} />
     </div>
@@ -82,7 +82,7 @@ function Playing({ shaper, status }: { shaper: Shaper; status: ShaperStatus }) {
       />
       <FileButton
         label="Trace file"
-        title="A CSV of this project, or a log or trace that tigas trace import reads; the shaper keeps it until it stops"
+        title="A CSV in the TIGAS format, or a log or trace that tigas trace import reads; kept until the shaper stops"
         disabled={uploading}
         onFile={(file) => void upload(file)}
       >
@@ -106,14 +106,14 @@ function Playing({ shaper, status }: { shaper: Shaper; status: ShaperStatus }) {
         </QuietButton>
         <QuietButton
           icon={Square}
-          title="Return to the rate without a trace"
+          title="Stop the trace and return to the default rate"
           onClick={() => void shaper.act((api) => api.stop())}
         >
           Stop
         </QuietButton>
       </div>
       <Check checked={loop} onChange={setLoop}>
-        Start again at the end
+        Loop
       </Check>
       <p class="muted small" data-network="mode">
         {describe(status)}
@@ -160,7 +160,7 @@ function Position({ shaper, status }: { shaper: Shaper; status: ShaperStatus }) 
   };
   return (
     <Seek
-      label="Place in the trace"
+      label="Position in the trace"
       at={wanted ?? status.position_ms ?? 0}
       duration={status.duration_ms ?? 0}
       disabled={status.mode === "ended"}
@@ -220,11 +220,11 @@ function useFrames(session: ViewerSession): Signal<ReturnType<typeof noColumns>>
 function describe({ mode, trace, position_ms, duration_ms, backend, link }: ShaperStatus): string {
   const place = `${trace ?? ""}, ${clock(position_ms ?? 0)} of ${clock(duration_ms ?? 0)}`;
   const state = {
-    constant: "A constant link",
-    playing: `Plays ${place}`,
+    constant: "Constant link",
+    playing: `Playing ${place}`,
     paused: `Paused: ${place}`,
     ended: `Ended: ${trace ?? ""}`,
   };
   const conditions = `${Math.round((link.delay_ms ?? 0) * 2)} ms round trip, ${link.loss_pct ?? 0} % loss`;
-  return `${state[mode]}; ${conditions} by ${backend === "netem" ? "the kernel's netem" : "the shaper's relay"}.`;
+  return `${state[mode]}; ${conditions}, applied by ${backend === "netem" ? "the kernel's netem" : "the shaper's relay"}.`;
 }

@@ -28,7 +28,7 @@ const EASINGS: Readonly<Record<PathDraft["easing"], string>> = {
   "ease-in-out": "Smooth",
   "ease-in": "Slow start",
   "ease-out": "Slow end",
-  linear: "Even",
+  linear: "Constant",
 };
 /** In place of a saved path's name. */
 const NEW = "";
@@ -77,7 +77,7 @@ function Paths({ session, scene }: Props & { readonly scene: SceneInfo }) {
           rows={[...Object.keys(paths), NEW].map((name) => ({
             key: name,
             title: name === NEW ? "New path" : name,
-            detail: drafts.has(name) ? "not saved" : paths[name] && clock(paths[name].keyframes.at(-1)?.t_ms ?? 0),
+            detail: drafts.has(name) ? "unsaved" : paths[name] && clock(paths[name].keyframes.at(-1)?.t_ms ?? 0),
           }))}
           chosen={saved ? chosen : NEW}
           onChoose={choose}
@@ -136,10 +136,10 @@ function Keyframes({ session, draft, onChange }: Props & DraftProps) {
         Add this view as a keyframe
       </QuietButton>
       {stops.length < 2 && (
-        <p class="muted small">The camera flies through the views that you add, in order; add at least two.</p>
+        <p class="muted small">The camera flies through the views you add, in order. Add at least two.</p>
       )}
       {draft.keyframes.length >= MAX_KEYFRAMES && (
-        <p class="muted small">A path has at most {MAX_KEYFRAMES} keyframes.</p>
+        <p class="muted small">A path can have at most {MAX_KEYFRAMES} keyframes.</p>
       )}
     </>
   );
@@ -207,7 +207,7 @@ function SavePath({ session, scene, saved, draft, onChange, onLeave }: SavePathP
   return (
     <>
       <NameForm
-        label="Name of the path"
+        label="Path name"
         verb="Save path"
         name={draft.name}
         onName={(name) => onChange({ ...draft, name })}
@@ -225,7 +225,7 @@ function SavePath({ session, scene, saved, draft, onChange, onLeave }: SavePathP
           onDone={() => onLeave(NEW)}
           onClose={() => setDeleting(false)}
         >
-          <p>The path is deleted for everyone. This cannot be undone.</p>
+          <p>The path will be deleted for everyone. This cannot be undone.</p>
         </Question>
       )}
     </>

@@ -41,7 +41,7 @@ const next = async () => {
 
 test("a training is begun, followed and stopped", async () => {
   show();
-  const begin = await screen.findByRole("button", { name: "Train the scene’s own network" });
+  const begin = await screen.findByRole("button", { name: "Train a network for this scene" });
   vi.mocked(training).mockResolvedValue(HALF);
   await userEvent.click(begin);
   expect(training).toHaveBeenLastCalledWith(COURTYARD.id, "POST");
@@ -64,7 +64,7 @@ test("the networks of a training that ends are used at once, also where there we
   expect(session.pictures.enhancement.renewals).toBe(0);
 
   vi.mocked(training).mockResolvedValue(HALF);
-  await userEvent.click(screen.getByRole("button", { name: "Train the scene’s network again" }));
+  await userEvent.click(screen.getByRole("button", { name: "Retrain the network for this scene" }));
   vi.mocked(training).mockResolvedValue({ ...IDLE, state: "done", progress: 1 });
   await next();
   await vi.waitFor(() => expect(session.pictures.enhancement.renewals).toBe(1));

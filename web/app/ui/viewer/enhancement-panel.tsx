@@ -67,7 +67,7 @@ function Offer({ own, onClick }: { own: boolean; onClick: () => void }) {
   if (missing) return <p class="muted small">{missing}</p>;
   return (
     <QuietButton onClick={onClick}>
-      {own ? "Train the scene’s network again" : "Train the scene’s own network"}
+      {own ? "Retrain the network for this scene" : "Train a network for this scene"}
     </QuietButton>
   );
 }
@@ -95,7 +95,7 @@ export function EnhancementPanel({ session }: { session: ViewerSession }) {
       </div>
       {missing && (
         <p class="muted small" data-enhancement="missing">
-          {missing} Frames are shown as they come.
+          {missing} Frames are shown without enhancement.
         </p>
       )}
       {!missing && status.kind !== "off" && (
@@ -109,6 +109,6 @@ export function EnhancementPanel({ session }: { session: ViewerSession }) {
 }
 
 function sentence(status: EnhancementStatus, time: number | null): string {
-  if (status.kind === "on") return time === null ? "On." : `On: ${milliseconds(time)} ms a frame.`;
+  if (status.kind === "on") return time === null ? "On." : `On: ${milliseconds(time)} ms per frame.`;
   return enhancementNote(status) ?? "Starting…";
 }

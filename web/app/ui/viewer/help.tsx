@@ -9,10 +9,10 @@ import { Toggle } from "./setting";
 const MOVES: readonly (readonly [string, readonly string[]])[] = [
   ["Look around", ["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown"]],
   ["Walk", ["KeyW", "KeyA", "KeyS", "KeyD"]],
-  ["Rise", ["KeyE", "Space"]],
-  ["Sink", ["KeyQ", "Shift"]],
+  ["Move up", ["KeyE", "Space"]],
+  ["Move down", ["KeyQ", "Shift"]],
   ["Faster, slower", ["KeyC", "KeyZ"]],
-  ["Drag to look or to orbit", ["KeyO"]],
+  ["Switch dragging: look or orbit", ["KeyO"]],
   ["Mouse look (locks the pointer)", ["KeyL"]],
   ["Back to the start", ["KeyR"]],
   ["Stop playback", ["Esc"]],
@@ -28,12 +28,12 @@ const MOVES: readonly (readonly [string, readonly string[]])[] = [
 const ARROWS: Readonly<Record<string, string>> = { ArrowLeft: "←", ArrowRight: "→", ArrowUp: "↑", ArrowDown: "↓" };
 
 const POINTERS: readonly (readonly [string, string])[] = [
-  ["Drag, or one finger", "Look around; with Alt, or after O, orbit"],
-  ["Double-click or double-tap", "Go half-way there and look at it; orbiting then goes around it"],
-  ["Right button", "Slide sideways, up and down"],
-  ["Wheel, or pinch", "Walk forwards and back"],
+  ["Drag, or one finger", "Look around; orbit with Alt, or after pressing O"],
+  ["Double-click or double-tap", "Move halfway there and look at it; orbiting then circles that point"],
+  ["Drag with the right button", "Slide sideways, up and down"],
+  ["Wheel, or pinch", "Walk forwards and backwards"],
   ["Two fingers", "Slide sideways, up and down"],
-  ["Gamepad", "Sticks walk and turn, triggers rise and sink, bumpers change the speed"],
+  ["Gamepad", "Sticks walk and turn, triggers move up and down, bumpers change the speed"],
 ];
 
 /** The main figures; the others are explained by tooltips. */

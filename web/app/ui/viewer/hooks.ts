@@ -120,7 +120,7 @@ export function useScreenshot(session: ViewerSession | null) {
       const { screenshot } = await import("#viewer/control/screenshot");
       save(fileName(session.scene.peek()?.name ?? "view", "png"), await screenshot(session));
     } catch (error) {
-      problem.value = `The picture was not saved. ${reason(error)}`;
+      problem.value = `The picture could not be saved. ${reason(error)}`;
     } finally {
       busy.value = false;
     }

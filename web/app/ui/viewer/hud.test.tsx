@@ -65,8 +65,8 @@ test("where frames cannot be turned, a word says why", () => {
 
 test.each([
   [1, "Scene-tuned network"],
-  [0, "nothing at this size"],
-  [null, "nothing at this size"],
+  [0, "no model at this size"],
+  [null, "no model at this size"],
 ])("what enhances frames of rung %s is said of each", (profile, said) => {
   session.pictures.enhancement.status.value = { kind: "on", labels: ["", "Scene-tuned network"] };
   const frame = { bytes: 52_000, width: 960, height: 540, profile };
@@ -170,7 +170,7 @@ test("a server that has fallen silent is named while it is", async () => {
   await act(() => {
     session.silent.value = true;
   });
-  expect(stat(hud, "silence")).toBe(" – no answer, retrying…");
+  expect(stat(hud, "silence")).toBe(" – no response, retrying…");
 });
 
 test("the measurements can be folded into one line, which is remembered", async () => {

@@ -56,7 +56,7 @@ export function Hud({ session, source, stats, linkNote }: HudProps) {
             from <span data-stat="host">{host}</span>
           </span>
         )}
-        {session.silent.value && <span data-stat="silence"> – no answer, retrying…</span>}
+        {session.silent.value && <span data-stat="silence"> – no response, retrying…</span>}
       </p>
       <Notes
         most={2}
@@ -97,7 +97,7 @@ export function enhancementRows(status: EnhancementStatus, { frame, enhanceMs }:
   if (status.kind !== "on") return [];
   const label = frame?.profile == null ? undefined : status.labels[frame.profile];
   return [
-    ["enhancement", "Enhanced by", label || "nothing at this size"],
+    ["enhancement", "Enhanced by", label || "no model at this size"],
     ["enhancement-time", "Enhancement", withUnit(enhanceMs)],
   ];
 }

@@ -19,23 +19,23 @@ const walk = ({ left = {}, right = {} }: { left?: Changes; right?: Changes }): W
 test.each<[{ left?: Changes; right?: Changes }, string]>([
   [
     { right: { contentAge: 750, newViewsPerSecond: 24.8, bandwidth: 3_000_000 } },
-    "Stateless was 690 ms more up to date than DASH, tuned: 48 against 25 new views per second, for 10 Mbit/s against 3 Mbit/s.",
+    "Stateless was 690 ms more up to date than DASH, tuned: 48 versus 25 new views per second, for 10 Mbit/s versus 3 Mbit/s.",
   ],
   [
     { left: { contentAge: 102, newViewsPerSecond: 5 } },
-    "DASH, tuned was 42 ms more up to date than Stateless: 48 against 5.0 new views per second, for 10 Mbit/s against 10 Mbit/s.",
+    "DASH, tuned was 42 ms more up to date than Stateless: 48 versus 5.0 new views per second, for 10 Mbit/s versus 10 Mbit/s.",
   ],
   [
     { right: { contentAge: 62, bandwidth: 3_000_000 } },
-    "Stateless and DASH, tuned were equally up to date: 48 against 48 new views per second, for 10 Mbit/s against 3 Mbit/s.",
+    "Stateless and DASH, tuned were equally up to date: 48 versus 48 new views per second, for 10 Mbit/s versus 3 Mbit/s.",
   ],
   [
     { right: { inputs: 12, contentAge: 30, newViewsPerSecond: 0.3, bandwidth: 500_000 } },
-    "Stateless followed you, and DASH, tuned hardly did: 48 against 0.3 new views per second, for 10 Mbit/s against 500 kbit/s.",
+    "Stateless kept up with you, and DASH, tuned hardly did: 48 versus 0.3 new views per second, for 10 Mbit/s versus 500 kbit/s.",
   ],
   [
     { right: { newViewsPerSecond: 0.3, bandwidth: 500_000 } }, // turned at once, but from old pictures
-    "Stateless followed you, and DASH, tuned hardly did: 48 against 0.3 new views per second, for 10 Mbit/s against 500 kbit/s.",
+    "Stateless kept up with you, and DASH, tuned hardly did: 48 versus 0.3 new views per second, for 10 Mbit/s versus 500 kbit/s.",
   ],
   [
     { left: { newViewsPerSecond: 1.1, bandwidth: 176_000 }, right: { newViewsPerSecond: 0, bandwidth: 1000 } },
@@ -95,7 +95,7 @@ test.each([
 });
 
 test.each([
-  [[false, false], "One renderer draws both sides"],
+  [[false, false], "The server draws both sides"],
   [[false, true], "This browser draws DASH, tuned; the server"],
   [[true, true], "This browser draws both sides"],
 ])("the summary names the renderer: %j", (local, said) => {

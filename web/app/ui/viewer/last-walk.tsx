@@ -32,10 +32,10 @@ interface Props {
 
 export function LastWalk({ names, walk, quality, local }: Props) {
   return (
-    <section class="last-walk stack" aria-label="The last walk">
-      <h4>The last walk</h4>
+    <section class="last-walk stack" aria-label="Last walk">
+      <h4>Last walk</h4>
       {walk === null ? (
-        <p class="muted small">Walk for a few seconds and stand still: a summary of each side appears here.</p>
+        <p class="muted small">Walk for a few seconds, then stand still to see a summary of each side.</p>
       ) : (
         <>
           <p role="status">{verdict(walk, names, quality)}</p>
@@ -53,7 +53,7 @@ export function WalkVerdict({ session, onOpen }: { session: ViewerSession; onOpe
   const walk = comparison?.walks.last.value;
   if (!comparison || !walk || comparison.sides.length < 2) return null;
   return (
-    <button type="button" class="floating walk-verdict row small" title="All figures of the walk" onClick={onOpen}>
+    <button type="button" class="floating walk-verdict row small" title="See all measurements" onClick={onOpen}>
       <span role="status">{verdict(walk, sideTitles(settings.value), comparison.quality.value)}</span>
     </button>
   );
@@ -93,7 +93,7 @@ function Table({ walk: { duration, sides }, names, quality }: Omit<Props, "walk"
         <Row
           label="PSNR as seen"
           title={
-            problem ?? `What was on the screen compared with the view of that moment, at ${moments} moments of the walk`
+            problem ?? `The picture on the screen compared with the correct view, at ${moments} moments of the walk`
           }
         >
           {sides.map((_, i) => (
@@ -144,13 +144,13 @@ export function verdict({ sides }: Walk, names: readonly string[], { psnr }: Pic
   const [first, second] = broken && hardly(newer.of, older.of) ? [older, newer] : [newer, older];
   const behind = Math.round(second.of.contentAge - first.of.contentAge);
   const who = broken
-    ? `${first.name} followed you, and ${second.name} hardly did`
+    ? `${first.name} kept up with you, and ${second.name} hardly did`
     : behind < ALIKE
       ? `${first.name} and ${second.name} were equally up to date`
       : `${first.name} was ${behind} ms more up to date than ${second.name}`;
   const [views, others] = [first, second].map(({ of }) => rate(of.newViewsPerSecond));
   const seen = closer(first, second);
-  return `${who}: ${views} against ${others} new views per second${seen}, for ${bitrate(first.of.bandwidth)} against ${bitrate(second.of.bandwidth)}.`;
+  return `${who}: ${views} versus ${others} new views per second${seen}, for ${bitrate(first.of.bandwidth)} versus ${bitrate(second.of.bandwidth)}.`;
 }
 
 function hardly(side: WalkedSide, other: WalkedSide): boolean {
@@ -174,7 +174,7 @@ function closer(first: Judged, second: Judged): string {
 /** Device that renders the sides: it may slow down both. */
 function renderers(names: readonly string[], local: readonly boolean[]): string {
   const own = names.filter((_, i) => local[i]);
-  if (own.length === names.length) return "This browser draws both sides: each slows the other.";
+  if (own.length === names.length) return "This browser draws both sides, so each slows the other down.";
   if (own.length > 0) return `This browser draws ${own.join()}; the server draws the other side.`;
-  return "One renderer draws both sides. If it is the limit, look at one side alone.";
+  return "The server draws both sides. If it is the bottleneck, view one side at a time.";
 }

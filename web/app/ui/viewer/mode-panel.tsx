@@ -44,8 +44,8 @@ function LockNote() {
   const free = kindsShown(settings.value).some(({ drawsHere }) => drawsHere);
   return (
     <p class="muted small">
-      {lock === "bitrate" && "A stream is encoded at this rate; single frames come as often as it allows. "}
-      {free && "Neither applies to a download, which uses the whole link."}
+      {lock === "bitrate" && "Streams are encoded at this rate; single frames arrive as often as it allows. "}
+      {free && "This does not apply to downloads, which use the whole link."}
     </p>
   );
 }
@@ -118,7 +118,7 @@ function WebRtc() {
     <>
       <h4>WebRTC stream</h4>
       <Segments name="webrtcStream" />
-      <p class="muted small">A video with the bit rate that the browser estimates for the link.</p>
+      <p class="muted small">A video at the bit rate that the browser estimates for the link.</p>
     </>
   );
 }
@@ -156,7 +156,7 @@ function framesOf({ segment_s, frame_rate }: DashSetup): number {
 function sentence({ setup, player, adaptive }: DashPlan): string {
   const { segment_s, frames_per_chunk, target_latency_ms, frame_rate } = setup;
   const chunk = frames_per_chunk === 1 ? "one frame" : `${Math.round((frames_per_chunk * 1000) / frame_rate)} ms`;
-  const by = player === "mse" ? "a bare player of our own" : player;
-  const more = adaptive ? ", and at more where it stalls" : "";
-  return `Segments of ${segment_s} s in chunks of ${chunk}, played by ${by}; aims at ${target_latency_ms} ms${more}.`;
+  const by = player === "mse" ? "a minimal player" : player;
+  const more = adaptive ? ", raised when playback stalls" : "";
+  return `Segments of ${segment_s} s in chunks of ${chunk}, played by ${by}; target latency ${target_latency_ms} ms${more}.`;
 }

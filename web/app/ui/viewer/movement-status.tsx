@@ -25,7 +25,7 @@ export function MovementStatus({ deck, bare }: { deck: MovementDeck; bare: boole
         {state === "recording" ? "Recording" : deck.movement.value?.name}
         {state !== "recording" && (
           <small class="muted">
-            Your input is ignored<span class="by-key">; Esc gives the camera back</span>
+            Your input is ignored<span class="by-key">; press Esc to take over</span>
           </small>
         )}
       </p>

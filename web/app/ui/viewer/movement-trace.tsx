@@ -47,7 +47,7 @@ export function MovementTrace({ deck, scene }: Props) {
       {movement && <About movement={movement} scene={scene} />}
       {movement && (
         <Seek
-          label="Place in the movement"
+          label="Position in the movement"
           at={recording ? 0 : deck.position.value}
           duration={movement.trace.duration}
           disabled={recording || deck.busy.value}
@@ -62,7 +62,7 @@ export function MovementTrace({ deck, scene }: Props) {
             deck.loop.value = !deck.loop.value;
           }}
         >
-          Start again at the end
+          Loop
         </Check>
       )}
       <p class="muted small" data-movement={deck.state.value}>
@@ -118,13 +118,13 @@ function Choice({ deck, store, listed }: ChoiceProps) {
 function About({ movement: { trace }, scene }: { movement: NamedMovement; scene: SceneInfo | null }) {
   const from = trace.comments.get("scene");
   const description = trace.comments.get("description");
-  const begins = trace.anchor === "start" ? "begins at the scene's start view" : "keeps its place in its scene";
+  const begins = trace.anchor === "start" ? "starts at the scene's start view" : "stays where it was recorded";
   return (
     <>
       {description && <p class="small">{description}</p>}
       <p class="muted small">
         {trace.points.length.toLocaleString("en")} {trace.points.length === 1 ? "pose" : "poses"}; {begins}.
-        {trace.anchor === "scene" && from && scene && from !== scene.id && ` That was “${from}”, not this scene.`}
+        {trace.anchor === "scene" && from && scene && from !== scene.id && ` It was recorded in “${from}”.`}
       </p>
     </>
   );
@@ -154,10 +154,10 @@ function Buttons({ deck, ready }: { deck: MovementDeck; ready: boolean }) {
 
 function describe(deck: MovementDeck): string {
   const states = {
-    playing: "The movement controls the camera, and your input is ignored. Take over with Stop or Esc.",
-    paused: "Paused: the camera stays, and your input is ignored. Take over with Stop or Esc.",
+    playing: "The movement controls the camera, and your input is ignored. Press Stop or Esc to take over.",
+    paused: "Paused. Your input is still ignored; press Stop or Esc to take over.",
     recording: `Recording the camera: ${clock(deck.position.value)}.`,
-    stopped: deck.busy.value ? "Something else moves the camera now, such as an experiment." : idle(deck),
+    stopped: deck.busy.value ? "Something else is moving the camera, such as an experiment." : idle(deck),
   };
   return states[deck.state.value];
 }

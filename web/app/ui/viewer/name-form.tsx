@@ -72,5 +72,5 @@ export function freeName(kind: string, names: object): string {
 }
 
 export function taken(kind: string, name: string): string {
-  return `There is a ${kind} “${name}” already; choose another name.`;
+  return `A ${kind} named “${name}” already exists; choose another name.`;
 }

@@ -191,7 +191,7 @@ function Lens({ session }: { session: ViewerSession }) {
         ))}
       </div>
       <p class="muted small">
-        For a stage of {width} × {height} pixels. {locked ? "Your choice is kept when the window is resized." : ""}
+        For a view of {width} × {height} pixels. {locked ? "Your values are kept when the window is resized." : ""}
       </p>
     </Section>
   );

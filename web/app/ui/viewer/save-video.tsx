@@ -31,7 +31,7 @@ export function SaveVideo({ session, of, name, path }: Props) {
       {making?.of !== of ? (
         <QuietButton
           icon={Film}
-          title="Every frame at full quality, rendered one after the other; this takes longer than the movement"
+          title="Renders every frame at full quality, which takes longer than playing the movement"
           disabled={making !== null}
           onClick={() => void make({ session, of, name, path })}
         >
@@ -45,7 +45,7 @@ export function SaveVideo({ session, of, name, path }: Props) {
           </QuietButton>
         </div>
       )}
-      {problem.value?.of === of && <Notice>The video was not saved. {problem.value.why}</Notice>}
+      {problem.value?.of === of && <Notice>The video could not be saved. {problem.value.why}</Notice>}
     </div>
   );
 }

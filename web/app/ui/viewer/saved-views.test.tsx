@@ -100,7 +100,7 @@ test("a name that is taken replaces nothing", async () => {
   await userEvent.clear(screen.getByLabelText("Name"));
   await userEvent.type(screen.getByLabelText("Name"), "Gate");
   await press("Save this view");
-  expect(screen.getByRole("alert").textContent).toContain("There is a view “Gate” already");
+  expect(screen.getByRole("alert").textContent).toContain("A view named “Gate” already exists");
   await press("Rename: Gate");
   expect(editScene).not.toHaveBeenCalled();
 });
@@ -164,7 +164,7 @@ test("a path is built from views, timed, played and saved", async () => {
   const duration = screen.getByLabelText(/Duration/);
   await userEvent.clear(duration);
   await userEvent.type(duration, "12{Enter}");
-  await userEvent.selectOptions(screen.getByLabelText("Speed"), "Even");
+  await userEvent.selectOptions(screen.getByLabelText("Speed"), "Constant");
   await press("Play path");
   await act(() => void session.rig.sample(100));
   await act(() => void session.rig.sample(4100));
@@ -186,10 +186,10 @@ test("a saved path is renamed with its changes, which wait while another is look
   const { unmount } = render(<CameraPaths session={asSession(session)} />);
   await userEvent.click(screen.getByLabelText(/Tour/));
   await userEvent.click(screen.getByLabelText("Loop back to the start"));
-  await userEvent.clear(screen.getByLabelText("Name of the path"));
-  await userEvent.type(screen.getByLabelText("Name of the path"), "Round trip");
+  await userEvent.clear(screen.getByLabelText("Path name"));
+  await userEvent.type(screen.getByLabelText("Path name"), "Round trip");
   await userEvent.click(screen.getByLabelText(/New path/));
-  expect(screen.queryByLabelText("Name of the path")).toBeNull();
+  expect(screen.queryByLabelText("Path name")).toBeNull();
   unmount();
   render(<CameraPaths session={asSession(session)} />);
   await userEvent.click(screen.getByLabelText(/Tour/));

@@ -23,7 +23,7 @@ export function StartView({ session }: { readonly session: ViewerSession }) {
     <div class="stack">
       <QuietButton onClick={() => void store(presentView(session, scene))}>Use this view as the start view</QuietButton>
       <QuietButton
-        title="Look at the sky first: the middle of the picture becomes up"
+        title="Look straight up first: the centre of the picture becomes the up direction"
         onClick={() => void store(uprightView(session, scene))}
       >
         This way is up
@@ -79,7 +79,7 @@ export function SavedViews({ session }: { readonly session: ViewerSession }) {
         <p class="muted small">
           {scene.builtin
             ? "This scene is part of TIGAS and cannot be changed."
-            : "Pages cannot change scenes on this server."}
+            : "Scenes on this server cannot be changed from the browser."}
         </p>
       )}
       {what === "rename" && (
@@ -103,7 +103,7 @@ export function SavedViews({ session }: { readonly session: ViewerSession }) {
           action={() => edit(session, scene.id, { views: { [name]: null } })}
           onClose={close}
         >
-          <p>The view is deleted for everyone. This cannot be undone.</p>
+          <p>The view will be deleted for everyone. This cannot be undone.</p>
         </Question>
       )}
     </div>

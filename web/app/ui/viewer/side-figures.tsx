@@ -127,7 +127,7 @@ function streamNote(repeated: number | null): string | null {
 function browserNote(drawn: number | null): string | null {
   if (drawn === null || drawn >= FEW_PICTURES) return null;
   const pictures = Math.round(drawn);
-  return `This computer is slow: it shows only ${pictures} ${pictures === 1 ? "picture" : "pictures"} per second.`;
+  return `This device is slow: it shows only ${pictures} ${pictures === 1 ? "picture" : "pictures"} per second.`;
 }
 
 /** The browser's frames per second; null until known and after the page was hidden. */

@@ -23,7 +23,7 @@ export function StageMessage({ session }: { session: ViewerSession }) {
         </Waiting>
       )}
       {kind === "full" && (
-        <Waiting>The server is full. The scene opens automatically as soon as there is room.</Waiting>
+        <Waiting>The server is full. The scene will open automatically as soon as there is room.</Waiting>
       )}
       {kind === "lost" && <Lost>{session.presence.offline.value ? "This device is offline." : message}</Lost>}
       {kind === "failed" && (
@@ -77,8 +77,7 @@ function SideMessage({ side }: { side: Side }) {
 /** For a side with its own message. */
 function Connection({ state }: { state: ConnectionState | null }) {
   if (state?.status === "connecting") return <Waiting>Connecting…</Waiting>;
-  if (state?.status === "full")
-    return <Waiting>The server has no room for a second viewer; it is asked again.</Waiting>;
+  if (state?.status === "full") return <Waiting>The server has no room for a second viewer. Trying again…</Waiting>;
   return state?.status === "lost" ? <Lost>{state.reason}</Lost> : null;
 }
 

@@ -78,14 +78,14 @@ function StatusLine({ side, name, phase, silent, linkNote }: LineProps) {
   return (
     <section class="floating status-line small" aria-label={name ? `Status: ${name}` : "Status"} data-live={!silent}>
       <p>
-        <span data-stat="status">{silent ? "No answer, retrying…" : (name ?? state(side, phase))}</span>
+        <span data-stat="status">{silent ? "No response, retrying…" : (name ?? state(side, phase))}</span>
         {views > 0 && (
           <span title="New pictures per second">
             <span data-stat="new-views">{views}</span> views/s
           </span>
         )}
         {latency !== undefined && (
-          <span title="From your input to the picture">
+          <span title="Time from your input to the picture">
             <span data-stat="motion-to-photon">{milliseconds(latency)}</span> ms
           </span>
         )}

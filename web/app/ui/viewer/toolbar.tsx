@@ -67,13 +67,13 @@ function CopyLink({ session }: { session: ViewerSession }) {
       setCopied(true);
       setTimeout(() => setCopied(false), SAID);
     } catch {
-      prompt("The link to this view:", location.href); // no clipboard without HTTPS
+      prompt("Link to this view:", location.href); // no clipboard without HTTPS
     }
   };
   return (
     <IconButton
       icon={copied ? Check : Link2}
-      label={copied ? "The link is copied" : "Copy a link to this view"}
+      label={copied ? "Link copied" : "Copy a link to this view"}
       onClick={() => void copy()}
     />
   );

@@ -112,7 +112,7 @@ test("while the settings are closed, the last walk is summed up over the stage, 
   show();
   const said = await screen.findByRole("button", { name: /^Stateless was 50 ms more up to date than Video/ });
   await userEvent.click(said);
-  expect((await screen.findByRole("region", { name: "The last walk" })).textContent).toContain("Stateless was 50 ms");
+  expect((await screen.findByRole("region", { name: "Last walk" })).textContent).toContain("Stateless was 50 ms");
   expect(said.isConnected).toBe(false);
 });
 
@@ -130,7 +130,7 @@ test("a stream of repeated frames blames the server, and a slow machine itself",
   }
   vi.useRealTimers();
   expect(screen.getByText(/^The server is slow, not your connection: 75 % of the stream’s frames/)).toBeTruthy();
-  expect(screen.getByText("This computer is slow: it shows only 10 pictures per second.")).toBeTruthy();
+  expect(screen.getByText("This device is slow: it shows only 10 pictures per second.")).toBeTruthy();
 });
 
 /** A screen on which these media queries match; the viewer on it, with the lab open. */

@@ -33,12 +33,12 @@ test("a link says where the camera is and what is shown how, and what makes no s
   await act(() => void session.rig.sample(20));
   expect(session.rig.pose.position).toEqual([1, 2, 3]);
   expect(settings.value).toMatchObject({ mode: "local", restore: "anime4k-restore-m", prediction: "velocity" });
-  expect(screen.getByText(/^The link sets prediction to “magic”, which is not possible/)).toBeTruthy();
+  expect(screen.getByText(/^The link sets prediction to “magic”, which is not a valid value/)).toBeTruthy();
 });
 
 test.each([
   ["Gate", 5, null],
-  ["Pond", 0, "This scene has no saved view “Pond”."],
+  ["Pond", 0, "This scene has no saved view named “Pond”."],
 ])("a link may name the saved view %s", async (view, x, note) => {
   session.scene.value = { ...COURTYARD, views: { Gate: { position: [5, 0, 0], quaternion: [0, 0, 0, 1] } } };
   settings.value = { ...settings.value, hud: true };
@@ -58,7 +58,7 @@ test("a link to the view is copied, and is the page's address", async () => {
   });
   show();
   await userEvent.click(screen.getByRole("button", { name: "Copy a link to this view" }));
-  await screen.findByRole("button", { name: "The link is copied" });
+  await screen.findByRole("button", { name: "Link copied" });
   expect(copied).toEqual([location.href]);
   expect(location.hash).toMatch(/^#\/scene\/courtyard\?at=[-\d.,]+&mode=stateless&depth=off$/);
 });

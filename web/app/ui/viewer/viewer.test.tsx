@@ -106,7 +106,7 @@ test("T and a button save a picture of the view, or say why not", async () => {
   await waitFor(() => expect(save).toHaveBeenCalledWith("Courtyard.png", picture));
   vi.mocked(screenshot).mockRejectedValueOnce(new Error("The server is busy."));
   await userEvent.click(screen.getByRole("button", { name: "Save a picture" }));
-  expect((await screen.findByRole("alert")).textContent).toBe("The picture was not saved. The server is busy.");
+  expect((await screen.findByRole("alert")).textContent).toBe("The picture could not be saved. The server is busy.");
 });
 
 test("without controls there is only the view", async () => {

@@ -134,7 +134,7 @@ export function Viewer({ sceneId, asked, unknown, bare = false }: Props) {
           // biome-ignore lint/a11y/noNoninteractiveTabindex: an application is where keys go
           tabIndex={0}
           role="application"
-          aria-label={`${name}: arrow keys turn, W A S D walk, Space and Shift rise and sink, H shows help`}
+          aria-label={`${name}: arrow keys turn, W A S D walk, Space and Shift move up and down, H shows help`}
           data-phase={phase}
           data-transport={live?.connected.value?.transport.kind}
           data-frames={frames}
