@@ -323,7 +323,7 @@ def test_without_webgpu_the_panel_says_so(open_page: OpenPage, server: RenderSer
     page.goto(server.url + SCENE)
     wait_for_frames(page)
     expect(page.locator("[data-enhancement=missing]")).to_have_text(
-        "This browser has no WebGPU. Frames are shown as they come."
+        "This browser has no WebGPU. Frames are shown without enhancement."
     )
     expect(page.get_by_label("Upscale")).to_be_disabled()
     assert page.locator(".stage canvas:not(.reprojected)").count() == 1

@@ -29,7 +29,7 @@ def test_two_controllers_are_compared_and_kept(open_page: OpenPage, lab: PageLab
     expect(dialog(page).locator("[data-experiment=estimate]")).to_have_text("2 runs, about 13 seconds.")
     lab.shaper.asked.clear()
     start(page)
-    expect(progress(page)).to_contain_text("Warms up", timeout=STORED_MS)
+    expect(progress(page)).to_contain_text("Warming up", timeout=STORED_MS)
     expect(progress(page)).to_contain_text("Run 1 of 2")
     expect(page.locator(".run-stage .stage")).to_have_css("width", "1000px")
     expect(progress(page)).to_contain_text("Run 2 of 2")

@@ -71,7 +71,7 @@ def test_an_upload_that_is_cut_off_survives_a_reload_and_sends_only_the_rest(ope
     page.route(PICTURES, cut_off_after_two)
     begin(page, "Cut off")
     remark = remarks(page)
-    expect(remark).to_contain_text("Its samples are in this browser only. The store at", timeout=STORED_MS)
+    expect(remark).to_contain_text("Its samples are only in this browser. The store at", timeout=STORED_MS)
     assert read_samples(the_run(lab, "Cut-off").folder) == []
     page.unroute(PICTURES)
     page.goto(f"{lab.url}#/experiments")

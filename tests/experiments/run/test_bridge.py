@@ -172,7 +172,7 @@ def test_a_run_goes_on_where_the_browser_keeps_no_files(services: Services) -> N
     assert recording.complete
     assert (told.samples, told.pictures) == ((), ())
     assert told.problem == (
-        "The browser keeps no files for this page, as in a private window or without HTTPS. Nothing was sampled."
+        "The browser stores no files for this page, as in a private window or without HTTPS. Nothing was sampled."
     )
 
 

@@ -67,7 +67,7 @@ test("files are sent one after the other, resume after interruptions, and leave 
   expect(first.resumed).toBe(true);
   first.options.onProgress(3);
   expect(uploads.value.map(({ state }) => state.value)).toEqual([{ kind: "sending", sent: 3 }, { kind: "waiting" }]);
-  vi.mocked(addUploaded).mockRejectedValueOnce(new ApiError("The server does not answer.", true));
+  vi.mocked(addUploaded).mockRejectedValueOnce(new ApiError("The server is not responding.", true));
   first.options.onSuccess();
   const second = await begins(2);
   expect(addUploaded).toHaveBeenCalledTimes(2);

@@ -92,7 +92,7 @@ test("tells that the scene is there, of each frame, of figures and of errors by 
   expect(told.indexOf("loaded")).toBeLessThan(told.indexOf("frame"));
   expect(told).toContain("stats");
   viewer.set({ mode: "dash" });
-  expect(told.at(-1)).toBe("unavailable: This server offers no DASH streams.");
+  expect(told.at(-1)).toBe("unavailable: This server does not offer DASH streams.");
   stop();
   expect(() => viewer.set({ mode: "magic" as never })).toThrow("mode");
   expect(() => viewer.set({ mod: "video" } as never)).toThrow("there is no setting mod");
@@ -155,7 +155,7 @@ test("a viewer outside the window asks for nothing", async () => {
 test("an unknown easing is refused, and the viewer goes on", async () => {
   const [viewer] = open("garden", { camera: POSE });
   await settle();
-  expect(() => viewer.animate(AWAY, { easing: "smooth" as never })).toThrow("There is no easing “smooth”: use linear,");
+  expect(() => viewer.animate(AWAY, { easing: "smooth" as never })).toThrow("Unknown easing “smooth”: use linear,");
   await host.frames(2);
   expect(viewer.camera).toEqual(POSE);
 });

@@ -63,7 +63,7 @@ function absolute(server: string): string {
   if (server === "") return server;
   const url = parsed(server);
   if (url === null || !/^https?:$/.test(url.protocol)) {
-    throw new Error(`“${server}” is not the URL of a server: use one such as https://viewer.example.`);
+    throw new Error(`“${server}” is not a server's URL: use one such as https://viewer.example.`);
   }
   return url.href.replace(/\/+$/, "");
 }

@@ -136,7 +136,7 @@ test.each(["https://[", "localhost:8080"])(
     element.setAttribute("src", src);
     element.setAttribute("scene", "garden");
     await settle();
-    const message = `“${src}” is not the URL of a server: use one such as https://viewer.example.`;
+    const message = `“${src}” is not a server's URL: use one such as https://viewer.example.`;
     expect(told.mock.calls).toEqual([[{ code: "invalid", message }]]);
     element.setAttribute("mode", "video");
     expect([element.viewer, inside(element, ".message").textContent]).toEqual([null, message]);

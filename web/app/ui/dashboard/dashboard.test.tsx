@@ -140,10 +140,10 @@ test("a scene that is loading shows how far it is, again and again", async () =>
 
 test("a server that does not answer is said once, and asked until it does", async () => {
   vi.useFakeTimers();
-  vi.mocked(fetchScenes).mockRejectedValueOnce(new ApiError("The server does not answer.", true));
+  vi.mocked(fetchScenes).mockRejectedValueOnce(new ApiError("The server is not responding.", true));
   render(<Dashboard />);
   await vi.advanceTimersByTimeAsync(10);
-  expect(screen.getByRole("alert").textContent).toBe("The server does not answer.");
+  expect(screen.getByRole("alert").textContent).toBe("The server is not responding.");
   await vi.advanceTimersByTimeAsync(2100);
   expect(screen.queryByRole("alert")).toBeNull();
   expect(screen.getByText("Pebbles")).toBeTruthy();

@@ -89,7 +89,7 @@ test("one is deleted once a person says yes", async () => {
 
 test.each<[string, () => void, RegExp]>([
   ["is empty", () => Object.assign(answers, { "/experiments": { experiments: [] } }), /No experiments yet/],
-  ["does not answer", () => delete answers["/experiments"], /The store at http:\/\/store.test does not answer/],
+  ["does not answer", () => delete answers["/experiments"], /The store at http:\/\/store.test is not responding/],
   ["is not there", () => Object.assign(config, { value: serverConfig() }), /This server has no experiment store/],
 ])("a store that %s is said", async (_, prepare, sentence) => {
   prepare();

@@ -171,7 +171,7 @@ test("a link that is closed, and a shaper that is lost, are said", async () => {
   const { unmount } = await show({ ...CONSTANT, closed: "The gateway has no route." });
   expect(screen.getByText("The gateway has no route.")).toBeTruthy();
   await act(() => events.onerror?.());
-  expect(screen.getByRole("alert").textContent).toContain("http://shaper.test does not answer");
+  expect(screen.getByRole("alert").textContent).toContain("http://shaper.test is not responding");
   expect(screen.queryByRole("table")).toBeNull();
   unmount();
   await vi.waitFor(() => expect(events.closed).toBe(true));

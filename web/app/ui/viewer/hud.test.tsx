@@ -141,10 +141,10 @@ test("in a cluster it is said which host the frames are from", () => {
 test("a fallback says why it is one", () => {
   session.connected.value = {
     transport: new FakeTransport(() => 0),
-    fallback: "QUIC did not answer in time",
+    fallback: "QUIC did not respond in time",
     host: null,
   };
-  expect(stat(show({ transport: "fetch" }), "fallback")).toBe(" – QUIC did not answer in time");
+  expect(stat(show({ transport: "fetch" }), "fallback")).toBe(" – QUIC did not respond in time");
 });
 
 test("a server that is the limit is named", () => {
@@ -156,7 +156,7 @@ test("a server that is the limit is named", () => {
 
 test("no more than the two most important notes are shown", () => {
   session.pictures.reprojection.value = "slow";
-  session.pictures.enhancement.status.value = { kind: "failed", message: "It took 40 ms a frame." };
+  session.pictures.enhancement.status.value = { kind: "failed", message: "It took 40 ms per frame." };
   show({ serverBound: true });
   expect(screen.getAllByRole("status").map((note) => note.dataset.stat)).toEqual([
     "reprojection-note",

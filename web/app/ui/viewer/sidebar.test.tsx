@@ -149,10 +149,10 @@ test("speeds are set, and the camera is reset and the settings closed by their b
 
 test.each(["DASH", "WebRTC"])("without a packager the mode %s says how to get one", async (name) => {
   await show();
-  session.left.missing.value = `This server offers no ${name} streams`;
+  session.left.missing.value = `This server does not offer ${name} streams`;
   await userEvent.click(screen.getByRole("radio", { name }));
   expect(settings.value.mode).toBe(name.toLowerCase());
-  expect(screen.getByRole("alert").textContent).toContain(`no ${name} streams. Start one with tigas dash`);
+  expect(screen.getByRole("alert").textContent).toContain(`not offer ${name} streams. Run tigas dash`);
   expect(screen.queryByRole("group", { name: "DASH stream" })).toBeNull();
 });
 
@@ -206,11 +206,11 @@ test("both sides are given one resolution or one bit rate, and of a download it 
   session.right.value = fakeSide("right");
   await show();
   await user.selectOptions(screen.getByRole("combobox", { name: "Keep the same" }), "Resolution");
-  await user.selectOptions(screen.getByRole("combobox", { name: "Rung" }), "640 × 360, Medium-Low");
+  await user.selectOptions(screen.getByRole("combobox", { name: "Profile" }), "640 × 360, Medium-Low");
   expect(settings.value).toMatchObject({ lock: "resolution", lockRung: 2 });
   expect(screen.getByText(/does not apply to downloads/)).toBeTruthy();
   await user.selectOptions(screen.getByRole("combobox", { name: "Keep the same" }), "Bit rate");
-  const rate = screen.getByRole("spinbutton", { name: /At most/ });
+  const rate = screen.getByRole("spinbutton", { name: /Limit/ });
   await user.clear(rate);
   await user.type(rate, "1500{Tab}");
   expect(settings.value).toMatchObject({ lock: "bitrate", lockKbps: 1500 });

@@ -20,7 +20,7 @@ const show = () => render(<StageMessage session={asSession(session)} />);
 test.each([
   [{ kind: "connecting" }, "Connecting…"],
   [{ kind: "loading" }, "Loading the scene…"],
-  [{ kind: "lost", message: "The server does not answer." }, "The server does not answer. Trying again…"],
+  [{ kind: "lost", message: "The server is not responding." }, "The server is not responding. Trying again…"],
   [{ kind: "full" }, "The server is full. The scene will open automatically as soon as there is room."],
 ] as const)("a visit that is %j says: %s", (phase, sentence) => {
   session.phase.value = phase;

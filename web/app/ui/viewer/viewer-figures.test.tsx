@@ -48,7 +48,7 @@ test("a picture that stands still for a second is called frozen, also where ther
   expect(await freeze(600)).toBeUndefined();
   expect(await freeze(2300)).toBe("Frozen, no new picture for 2.3 s");
   await act(() => {
-    session.phase.value = { kind: "lost", message: "QUIC did not answer in time." };
+    session.phase.value = { kind: "lost", message: "QUIC did not respond in time." };
   });
   expect(document.querySelector("[data-stat=frozen]"), "the message of a lost stream is enough").toBeNull();
 });
@@ -158,7 +158,7 @@ test("the line says when there is no connection", async () => {
   const status = () => screen.getByRole("region", { name: "Status" }).textContent;
   expect(status()).toContain("Live");
   await act(() => {
-    session.phase.value = { kind: "lost", message: "The server does not answer." };
+    session.phase.value = { kind: "lost", message: "The server is not responding." };
   });
   expect(status()).toContain("Not connected");
 });
@@ -192,7 +192,7 @@ test("the status of enhancement is shown", async () => {
   });
   expect(document.querySelector("[data-stat=enhancement-note]")).toBeNull();
   await act(() => {
-    session.pictures.enhancement.status.value = { kind: "failed", message: "It took 40 ms a frame." };
+    session.pictures.enhancement.status.value = { kind: "failed", message: "It took 40 ms per frame." };
   });
-  expect(screen.getByText("Enhancement is off. It took 40 ms a frame.")).toBeTruthy();
+  expect(screen.getByText("Enhancement is off. It took 40 ms per frame.")).toBeTruthy();
 });

@@ -14,5 +14,5 @@ export function storeUnreachable(base: string, page: string): string {
     return "Browsers do not let a secure page use a store over plain HTTP: open this page over http:// to use it.";
   }
   // Browsers do not report a refusal because of the origin.
-  return `The store at ${base} does not answer as it should, or does not allow this page.`;
+  return `The store at ${base} is not responding as expected, or does not allow this page.`;
 }

@@ -56,8 +56,8 @@ test.each([
 
 test.each([
   ["http://lab:8091", "https://lab:8443/", /^Browsers do not let a secure page use a store over plain HTTP/],
-  ["http://localhost:8091", "https://localhost:8443/", /^The store at http:\/\/localhost:8091 does not answer/],
-  ["lab 8091", "https://lab:8443/", /^The store at lab 8091 does not answer/],
+  ["http://localhost:8091", "https://localhost:8443/", /^The store at http:\/\/localhost:8091 is not responding/],
+  ["lab 8091", "https://lab:8443/", /^The store at lab 8091 is not responding/],
 ])("a store at %s that the page at %s does not reach is said", (base, page, sentence) => {
   expect(storeUnreachable(base, page)).toMatch(sentence);
 });

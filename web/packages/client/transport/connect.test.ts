@@ -9,7 +9,7 @@ const never = new AbortController().signal;
 const PICTURE = { bitmap: {}, depth: null } as DecodedImage;
 const backend = (open: FrameBackend["open"]): FrameBackend => ({ open, decode: async () => PICTURE });
 const opens = backend(async (kind) => new FakeTransport(() => 0, { kind }));
-const fails = backend(() => Promise.reject(new Error("QUIC did not answer in time")));
+const fails = backend(() => Promise.reject(new Error("QUIC did not respond in time")));
 
 beforeEach(() => {
   vi.stubGlobal("isSecureContext", true);
@@ -30,13 +30,13 @@ test("falls back to fetch, and says why", async () => {
   const { transport, fallback, refused } = await connect(CONFIG, "auto", never, () => 0, fails);
   expect(refused).toBe(true);
   expect(transport.kind).toBe("fetch");
-  expect(fallback).toBe("QUIC did not answer in time");
+  expect(fallback).toBe("QUIC did not respond in time");
 });
 
 test.each([
   ["no secure context", () => vi.stubGlobal("isSecureContext", false), CONFIG, "secure context"],
   ["an old browser", () => vi.stubGlobal("WebTransport", undefined), CONFIG, "no WebTransport"],
-  ["QUIC switched off", () => undefined, { ...CONFIG, webtransport_url: null }, "offers no WebTransport"],
+  ["QUIC switched off", () => undefined, { ...CONFIG, webtransport_url: null }, "does not offer WebTransport"],
 ])("%s needs no attempt", async (_, prepare, config, reason) => {
   prepare();
   const open = vi.fn(opens.open);

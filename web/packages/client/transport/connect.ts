@@ -44,7 +44,7 @@ export async function connect(
   if (choice === "fetch") return byFetch(null);
   if (!globalThis.isSecureContext) return byFetch("this page is not a secure context");
   if (typeof globalThis.WebTransport !== "function") return byFetch("this browser has no WebTransport");
-  if (config.webtransport_url === null) return byFetch("the server offers no WebTransport");
+  if (config.webtransport_url === null) return byFetch("the server does not offer WebTransport");
   try {
     const transport = await backend.open(
       choice === "auto" ? "webtransport-streams" : choice,

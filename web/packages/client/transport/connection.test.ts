@@ -64,7 +64,7 @@ function start(): void {
       fetchConfig: async (_, report) => {
         reports.push(report);
         await reply();
-        if (!reachable) throw new Error("The server does not answer.");
+        if (!reachable) throw new Error("The server is not responding.");
         if (report && "lost" in report) named = instead.get(report.lost) ?? named;
         return { ...config(certificate), retry_after_s: full.shift() ?? null, host: named };
       },
@@ -140,9 +140,9 @@ test("connects, and closes the transport when it is stopped", async () => {
 
 test("a lost transport is replaced", async () => {
   await connected();
-  transports[0]?.lose("The connection to the server broke.");
+  transports[0]?.lose("The connection to the server was lost.");
   await reached("connected", 2);
-  expect(states[2]).toEqual({ status: "lost", reason: "The connection to the server broke." });
+  expect(states[2]).toEqual({ status: "lost", reason: "The connection to the server was lost." });
   expect(transports.map(({ closed }) => closed)).toEqual([true, false]);
 });
 
@@ -258,7 +258,7 @@ describe("a server that has fallen silent", () => {
     expect(transports).toHaveLength(1);
     await pass(3000);
     await reached("connected", 2);
-    expect(states[2]).toEqual({ status: "lost", reason: "The connection fell silent." });
+    expect(states[2]).toEqual({ status: "lost", reason: "The connection stopped responding." });
   });
 
   test("and refuses what it is asked then is only slow", async () => {
@@ -334,7 +334,7 @@ describe("in a cluster", () => {
     await connected();
     now += 5000;
     named = "b";
-    transports[0]?.lose("The connection to the server broke.");
+    transports[0]?.lose("The connection to the server was lost.");
     await reached("connected", 2);
     expect(hosts()).toEqual(["a", "b"]);
     expect(reports[1]).toEqual({ silent: "a" });
@@ -345,12 +345,12 @@ describe("in a cluster", () => {
     await connected();
     now += 5000;
     reachable = false;
-    transports[0]?.lose("The connection to the server broke.");
+    transports[0]?.lose("The connection to the server was lost.");
     await reached("connected", 2);
     expect(hosts()).toEqual(["a", "a"]);
     now += 5000;
     instead = new Map([["a", "b"]]);
-    transports[1]?.lose("The connection to the server broke.");
+    transports[1]?.lose("The connection to the server was lost.");
     await reached("lost");
     reachable = true;
     await reached("connected", 3);
@@ -359,7 +359,7 @@ describe("in a cluster", () => {
 
   test("a session that ends as soon as it has begun is not opened again at once", async () => {
     await connected();
-    transports[0]?.lose("The connection to the server broke.");
+    transports[0]?.lose("The connection to the server was lost.");
     await reached("connected", 2);
     expect(hosts()).toEqual(["a", "lost instead", "a"]);
     expect(waits).toEqual([PAUSE]);

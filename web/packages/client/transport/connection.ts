@@ -67,7 +67,7 @@ export async function maintainConnection(options: ConnectionOptions, signal: Abo
         signal,
         onFailedAttempt: () => {
           next = undefined;
-          onState({ status: "lost", reason: "The server does not answer." });
+          onState({ status: "lost", reason: "The server is not responding." });
         },
       });
       report = next = undefined;

@@ -54,9 +54,9 @@ export async function ending(
     } catch {
       until.throwIfAborted();
       // A host continues without its director.
-      return clustered ? null : { reason: "The server does not answer." };
+      return clustered ? null : { reason: "The server is not responding." };
     }
-    if (sentElsewhere(config, now)) return { reason: "Another host serves the scene now.", next: now };
+    if (sentElsewhere(config, now)) return { reason: "Another host now serves the scene.", next: now };
     const same = now.host === config.host && now.certificate_sha256 !== config.certificate_sha256;
     return same ? { reason: "The server was restarted." } : null;
   };
@@ -79,7 +79,7 @@ export async function ending(
       const end = await examine("silent");
       if (end !== null) return end;
       // It can be reached, maybe only since now.
-      if (!(await probed) && !(await transport.probe(until))) return { reason: "The connection fell silent." };
+      if (!(await probed) && !(await transport.probe(until))) return { reason: "The connection stopped responding." };
       onSilence(false);
     }
   };

@@ -57,7 +57,7 @@ test("an error page of something in between becomes a sentence", async () => {
 test("a network failure means that the server is lost", async () => {
   const subject = answer(() => Promise.reject(new TypeError("Failed to fetch")));
   await expect(subject.request(REQUEST, never)).rejects.toThrow();
-  expect(await subject.lost).toBe("The server does not answer.");
+  expect(await subject.lost).toBe("The server is not responding.");
 });
 
 test("a cancelled request is not a lost server", async () => {

@@ -51,7 +51,7 @@ export class FetchTransport implements FrameTransport {
       const header = frameHeader(response.status, response.headers);
       return { header, image: new Blob(chunks, { type: header.content_type }), arrival: reception.arrival };
     } catch (error) {
-      if (!either.aborted && !(error instanceof RequestProblem)) this.#lose("The server does not answer.");
+      if (!either.aborted && !(error instanceof RequestProblem)) this.#lose("The server is not responding.");
       throw error;
     }
   }

@@ -40,7 +40,7 @@ test("a network that swallows QUIC is given up in time", async () => {
   const fake = new FakeSession();
   const opening = openSession(OPTIONS, never, () => fake.session);
   timeout.abort(new DOMException("", "TimeoutError"));
-  await expect(opening).rejects.toThrow("QUIC did not answer in time");
+  await expect(opening).rejects.toThrow("QUIC did not respond in time");
   expect(fake.closes).toBe(1);
 });
 

@@ -36,7 +36,7 @@ export async function openSession(
     session.ready.catch(() => undefined);
     closeQuietly(session);
     signal.throwIfAborted();
-    throw new Error(either.aborted ? "QUIC did not answer in time" : "QUIC could not connect", { cause: error });
+    throw new Error(either.aborted ? "QUIC did not respond in time" : "QUIC could not connect", { cause: error });
   } finally {
     either.removeEventListener("abort", abort);
   }
@@ -46,7 +46,7 @@ export async function openSession(
 export async function sessionEnd(session: WebTransport): Promise<string> {
   return session.closed.then(
     () => "The server closed the connection.",
-    () => "The connection to the server broke.",
+    () => "The connection to the server was lost.",
   );
 }
 

@@ -39,5 +39,5 @@ test("a request that is cancelled before it starts opens no stream", async () =>
 
 test("says once that the server is lost, however the session ends", async () => {
   fake.ended.reject(new Error("net::ERR_QUIC_PROTOCOL_ERROR"));
-  expect(await subject.lost).toBe("The connection to the server broke.");
+  expect(await subject.lost).toBe("The connection to the server was lost.");
 });

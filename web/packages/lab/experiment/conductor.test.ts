@@ -128,9 +128,9 @@ test("a run that the store refuses is a failed one", async () => {
   await conducted();
   expect(asked.slice(1, 3)).toEqual([
     ["add", "a", null],
-    ["add", "a", "The store refused the run. It is no recording."],
+    ["add", "a", "The store rejected the run. It is no recording."],
   ]);
-  expect(conductor.notices.value).toEqual(["A: The store refused the run. It is no recording."]);
+  expect(conductor.notices.value).toEqual(["A: The store rejected the run. It is no recording."]);
 });
 
 test("it waits while other pages perform the other runs", async () => {
@@ -161,7 +161,7 @@ test("cancelling ends the present run, which is given back", async () => {
       signal.addEventListener("abort", () => reject(signal.reason));
       setTimeout(() => conductor.cancel(), 10);
     });
-  expect(await conducted()).toMatchObject({ problem: "It was cancelled.", missing: 1 });
+  expect(await conducted()).toMatchObject({ problem: "The experiment was cancelled.", missing: 1 });
   expect(asked[1]).toEqual(["release"]);
   expect(asked.some(isAdd)).toBe(false);
 });
@@ -175,6 +175,6 @@ test("samples follow their run; what stays in the browser is said", async () => 
   expect(conductor.notices.value).toEqual([
     "A: Few.",
     "B: Few.",
-    "B: Its samples are in this browser only. The store is away.",
+    "B: Its samples are only in this browser. The store is away.",
   ]);
 });

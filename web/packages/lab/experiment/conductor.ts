@@ -40,7 +40,7 @@ const ASK_EVERY = 2000;
 const LONGEST_PROBLEM = 1000;
 
 export class Conductor {
-  readonly progress = signal<Progress>({ planned: 0, missing: 0, remaining_s: 0, title: null, stage: "Begins" });
+  readonly progress = signal<Progress>({ planned: 0, missing: 0, remaining_s: 0, title: null, stage: "Starting" });
   /** Null while it is under way. */
   readonly ending = signal<Ending | null>(null);
   /** Notices about single runs, in order. */
@@ -85,7 +85,7 @@ export class Conductor {
       }
     } catch (error) {
       const refused = error instanceof ApiError && error.type === "tigas:versions-changed";
-      this.#end(signal.aborted ? "It was cancelled." : sentence(error), refused);
+      this.#end(signal.aborted ? "The experiment was cancelled." : sentence(error), refused);
       this.release();
     }
   }
@@ -115,7 +115,7 @@ export class Conductor {
       if (signal.aborted) throw error;
       performed = { upload: { problem: sentence(error).slice(0, LONGEST_PROBLEM) }, captures: [], samples: null };
     }
-    stage("Storing the run");
+    stage("Saving the run");
     const problem = await this.#kept(job, performed);
     if (problem !== null) note(problem);
     if (performed.upload.sampling_problem) note(performed.upload.sampling_problem);
@@ -136,7 +136,7 @@ export class Conductor {
       return row.problem;
     } catch (error) {
       if (!(error instanceof ApiError)) throw error;
-      const problem = `The store refused the run. ${error.message}`;
+      const problem = `The store rejected the run. ${error.message}`;
       if (upload.recording) await add({ problem: problem.slice(0, LONGEST_PROBLEM) }).catch(ignoreRefusal);
       return problem;
     }
@@ -152,7 +152,7 @@ export class Conductor {
       this.#sampled = true;
     } catch (error) {
       if (!(error instanceof ApiError)) throw error;
-      note(`Its samples are in this browser only. ${error.message}`);
+      note(`Its samples are only in this browser. ${error.message}`);
     }
   }
 

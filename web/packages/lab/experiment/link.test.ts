@@ -110,7 +110,7 @@ test.each([
 });
 
 test("without a shaper only an unshaped run can be made", async () => {
-  expect(() => new RunLink(null, BUS, 0)).toThrow("There is no shaper");
+  expect(() => new RunLink(null, BUS, 0)).toThrow("This server has no network shaper");
   const link = new RunLink(null, {}, 0);
   await link.begin();
   await link.warmUp();
@@ -127,7 +127,7 @@ test("the present link has a label, or a reason against it", () => {
   status.value = CONSTANT;
   expect(presentNetwork(shaper)).toEqual({ label: "8mbit,4mbit-up,80ms-rtt" });
   status.value = PLAYING;
-  expect(presentNetwork(shaper)).toMatchObject({ problem: expect.stringMatching(/^The trace bus plays on the link/) });
+  expect(presentNetwork(shaper)).toMatchObject({ problem: expect.stringMatching(/^The trace bus is playing on/) });
 });
 
 test("labels of constant links are the command's", () => {

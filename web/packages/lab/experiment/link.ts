@@ -28,7 +28,7 @@ export class RunLink {
   /** Without a shaper, the network must be unshaped. The warm-up is in seconds. */
   constructor(shaper: Shaper | null, network: Network, warmUp: number) {
     if (shaper === null && (network.link || network.trace)) {
-      throw new RunFailed("There is no shaper behind this page, so the network must be “unshaped”.");
+      throw new RunFailed("This server has no network shaper, so the network must be “unshaped”.");
     }
     this.#shaper = shaper;
     this.#network = network;
@@ -135,7 +135,7 @@ export function presentNetwork(shaper: Shaper | null): { readonly label: string 
     return { problem: shaper.connectionError.value ?? "The shaper has not reported its link yet." };
   }
   if (status.mode === "playing") {
-    return { problem: `The trace ${status.trace} plays on the link: choose it as the network, or stop it first.` };
+    return { problem: `The trace ${status.trace} is playing on the link: choose it as the network, or stop it first.` };
   }
   return { label: networkLabel(status.link) };
 }

@@ -100,20 +100,20 @@ test("the link is in force before the connection of the run, and the movement be
   const { upload, captures, samples } = await performed();
   expect(events).toEqual([
     "stand",
-    "Connects",
+    "Connecting",
     "Waiting for the first view",
     ...["start", "seek"],
     "seed 7",
     'settings {"mode":"stateless"}',
     "reconnect",
-    "Warms up",
+    "Warming up",
     "seek",
     "Playing the movement",
     "seek",
     'run {"experiment":"e1","run":"r","stored":false,"title":"Seen","started_unix_ms":5}',
     "stop",
   ]);
-  expect(upload).toMatchObject({ backend: "netem", sampling_problem: "Of 2 samples, 1 could not be kept." });
+  expect(upload).toMatchObject({ backend: "netem", sampling_problem: "Of 2 samples, 1 could not be stored." });
   expect(upload.link).toHaveLength(1);
   expect(await Promise.all(captures.map((png) => png.text()))).toEqual(["0", "1"]);
   expect(samples).toBe("k");

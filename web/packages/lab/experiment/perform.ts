@@ -48,7 +48,7 @@ export async function perform(job: RunJob, performance_: Performance): Promise<P
   addEventListener("pagehide", onLeave);
   try {
     runner.stand(plan.points[0] as unknown as ScenePose);
-    stage("Connects");
+    stage("Connecting");
     await waitUntil(
       () => session.phase.peek().kind === "playing",
       () => whyNoFrame(session),
@@ -66,7 +66,7 @@ export async function perform(job: RunJob, performance_: Performance): Promise<P
       signal,
     );
     failIfUnlike(runner);
-    stage("Warms up");
+    stage("Warming up");
     await link.warmUp();
     await sleep(warmUp * 1000, signal);
     stage("Playing the movement");
@@ -82,7 +82,7 @@ export async function perform(job: RunJob, performance_: Performance): Promise<P
       );
       failIfUnlike(runner);
       failIfLost(session);
-      if (!link.reports(now())) throw new RunFailed("The shaper fell silent during the run.");
+      if (!link.reports(now())) throw new RunFailed("The shaper stopped responding during the run.");
       const startedAt = recording.started_unix_ms - performance.timeOrigin;
       const { sampled } = runner;
       return {

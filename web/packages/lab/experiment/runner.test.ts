@@ -173,8 +173,8 @@ test("a page that was hidden says so", async () => {
 });
 
 test("a viewer is ready when its models are, and says why they are not used", () => {
-  enhancement.value = { kind: "failed", message: "It took 40 ms a frame." };
-  expect(runner.state()).toMatchObject({ problem: "It took 40 ms a frame." });
+  enhancement.value = { kind: "failed", message: "It took 40 ms per frame." };
+  expect(runner.state()).toMatchObject({ problem: "It took 40 ms per frame." });
   enhancement.value = { kind: "starting", message: null };
   expect(runner.state()).toMatchObject({ ready: false, problem: null });
 });
@@ -223,7 +223,7 @@ test("reprojection that a run asks for is not left out for lack of graphics acce
 });
 
 test("a model that there is not is refused with those that there are", () => {
-  expect(() => runner.settings({ upscale: "magic" })).toThrow("no model “magic” to upscale with, only off, ");
+  expect(() => runner.settings({ upscale: "magic" })).toThrow("Unknown upscale model “magic”: use off, ");
   expect(settings.value.upscale).toBe("off");
 });
 

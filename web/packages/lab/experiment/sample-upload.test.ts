@@ -45,7 +45,7 @@ beforeEach(() => {
       files: [...pictures].map(([name, bytes]) => ({ name, bytes })),
     }),
     addPicture: vi.fn(async (_id, _run, name, { size }) => {
-      if (pictures.size >= store.refuses) throw new ApiError("The store does not answer.", true);
+      if (pictures.size >= store.refuses) throw new ApiError("The store is not responding.", true);
       pictures.set(name, size);
     }),
     completeSamples: vi.fn(async () => {
@@ -92,7 +92,7 @@ test("pictures come first, then which samples there are; then they are gone from
 test("an upload that was cut off goes on where it was, in the same place", async () => {
   sampled(ABOUT);
   store.refuses = 1;
-  await expect(uploaded()).rejects.toThrow("The store does not answer.");
+  await expect(uploaded()).rejects.toThrow("The store is not responding.");
   expect([runs.size, held.size]).toEqual([1, 0]);
   store.refuses = 9;
   vi.mocked(store.addPicture).mockClear();

@@ -67,5 +67,5 @@ test.each([
   ["is something else", () => new Response("<html>")],
 ])("a store that %s is named", async (_, make) => {
   answer(make);
-  await expect(store.list()).rejects.toThrow("The store at http://lab:8091 does not answer");
+  await expect(store.list()).rejects.toThrow("The store at http://lab:8091 is not responding");
 });

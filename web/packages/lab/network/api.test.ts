@@ -35,5 +35,5 @@ test("asks where the shaper answers, whatever a trace's name", async () => {
 
 test("a shaper that is away is named", async () => {
   answer(() => Promise.reject(new TypeError("Failed to fetch")));
-  await expect(new ShaperApi("http://lab:1/").traces()).rejects.toThrow("The shaper at http://lab:1 does not answer");
+  await expect(new ShaperApi("http://lab:1/").traces()).rejects.toThrow("The shaper at http://lab:1 is not responding");
 });

@@ -74,7 +74,7 @@ export class ShaperApi {
 
   /** One sentence on an unreachable shaper; browsers do not report a refusal because of the origin. */
   get silence(): string {
-    return `The shaper at ${this.base} does not answer, or does not allow this page.`;
+    return `The shaper at ${this.base} is not responding, or does not allow this page.`;
   }
 
   #call<T>(path: string, body?: object): Promise<T> {

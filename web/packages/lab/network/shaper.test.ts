@@ -49,7 +49,7 @@ test("a shaper that goes says so; one that refuses to be watched is asked again"
   events.readyState = 0;
   events.onerror();
   expect(subject.status.value).toBeNull();
-  expect(subject.connectionError.value).toContain("does not answer");
+  expect(subject.connectionError.value).toContain("is not responding");
   vi.advanceTimersByTime(10_000);
   expect(FakeEvents.all).toHaveLength(1);
   events.readyState = FakeEvents.CLOSED;

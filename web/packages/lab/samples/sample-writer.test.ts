@@ -50,8 +50,8 @@ test("with too little room it does not begin", async () => {
 
 test.each([
   ["QuotaExceededError", "The browser’s storage is full."],
-  ["SecurityError", "The browser keeps no files for this page, as in a private window or without HTTPS."],
-  ["InvalidStateError", "The browser cannot keep files: it broke."],
+  ["SecurityError", "The browser stores no files for this page, as in a private window or without HTTPS."],
+  ["InvalidStateError", "The browser cannot store files: it broke."],
 ])("what the worker meets at its beginning (%s) is a sentence, and leaves nothing", async (name, sentence) => {
   fails = name;
   await expect(SampleWriter.open(null)).rejects.toThrow(sentence);
@@ -60,5 +60,5 @@ test.each([
 
 test("without a secure context there are no files", async () => {
   vi.stubGlobal("navigator", {});
-  await expect(SampleWriter.open(null)).rejects.toThrow("keeps no files for this page");
+  await expect(SampleWriter.open(null)).rejects.toThrow("stores no files for this page");
 });

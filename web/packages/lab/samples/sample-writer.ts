@@ -93,7 +93,7 @@ function refusal(error: unknown): string {
   const { name, message } = error instanceof Error || error instanceof DOMException ? error : new Error(String(error));
   if (name === "QuotaExceededError") return "The browser’s storage is full.";
   if (name === "SecurityError" || name === "TypeError") {
-    return "The browser keeps no files for this page, as in a private window or without HTTPS.";
+    return "The browser stores no files for this page, as in a private window or without HTTPS.";
   }
-  return `The browser cannot keep files: ${message.replace(/\.?$/, ".")}`;
+  return `The browser cannot store files: ${message.replace(/\.?$/, ".")}`;
 }

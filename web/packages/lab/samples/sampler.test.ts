@@ -154,7 +154,7 @@ test("a full disk ends sampling with a sentence, and what was kept stays", async
 });
 
 test("where nothing can be kept, a run goes on without samples", async () => {
-  const refused = new SamplesRefused("The browser keeps no files.");
+  const refused = new SamplesRefused("The browser stores no files.");
   const sampler = await Sampler.open(null, 1, () => Promise.reject(refused));
   sampler.begin(0);
   sampler.shown(frame(1));
@@ -162,6 +162,6 @@ test("where nothing can be kept, a run goes on without samples", async () => {
     key: null,
     kept: 0,
     missed: 0,
-    problem: "The browser keeps no files. Nothing was sampled.",
+    problem: "The browser stores no files. Nothing was sampled.",
   });
 });

@@ -18,7 +18,7 @@ export interface Sampled {
 
 /** Why there are fewer samples than there were to be, in one sentence; null if there are not. */
 export function whyFewer({ problem, missed, kept }: Sampled): string | null {
-  return problem ?? (missed === 0 ? null : `Of ${kept + missed} samples, ${missed} could not be kept.`);
+  return problem ?? (missed === 0 ? null : `Of ${kept + missed} samples, ${missed} could not be stored.`);
 }
 
 /** Samples that are being written; with more of them, a browser's memory would fill. */

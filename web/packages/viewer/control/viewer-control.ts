@@ -30,7 +30,7 @@ export interface ViewerEvents {
   readonly error: { readonly code: ViewerErrorCode; readonly message: string };
 }
 
-const FULL = "The server is full. The scene opens automatically as soon as there is room.";
+const FULL = "The server is full. The scene will open automatically as soon as there is room.";
 
 export class ViewerControl {
   readonly #session: ViewerSession;

@@ -76,7 +76,7 @@ export function overDash({ base, h3, scene, plan }: DashSource): OpenViews {
 
 /** The URL of an HTTP/3 server that this browser trusts. */
 async function reachedOverH3(url: string | null, signal: AbortSignal): Promise<string> {
-  if (url === null) throw new ApiError("This server offers no DASH over HTTP/3.", false);
+  if (url === null) throw new ApiError("This server does not offer DASH over HTTP/3.", false);
   try {
     await fetch(`${url}/time`, {
       cache: "no-store",

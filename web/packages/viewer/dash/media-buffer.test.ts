@@ -125,7 +125,7 @@ test("a source that is full gives up all that was played; if that does not help,
   source.full = true;
   append(2);
   source.finish();
-  expect(failed).toEqual(["The player stopped: the browser accepts no more of the stream."]);
+  expect(failed).toEqual(["The player stopped: the browser cannot buffer any more of the stream."]);
 });
 
 test("a source that has left is not looked at, whatever still comes", () => {

@@ -82,6 +82,6 @@ export class MediaBuffer {
     if (full && !this.#full && position() > 0) {
       this.#full = true;
       source.remove(0, position());
-    } else onFailed("The player stopped: the browser accepts no more of the stream.");
+    } else onFailed("The player stopped: the browser cannot buffer any more of the stream.");
   }
 }

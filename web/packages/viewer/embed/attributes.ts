@@ -10,7 +10,7 @@ export type Attributes = (name: string) => string | null;
 export function attributeMode(of: Attributes): Pick<Settings, "mode"> {
   const name = of("mode") ?? DEFAULT_SETTINGS.mode;
   const mode = settingOf("mode", name);
-  if (mode === undefined) throw new Error(`There is no mode “${name}”: use ${MODES.join(", ")}.`);
+  if (mode === undefined) throw new Error(`Unknown mode “${name}”: use ${MODES.join(", ")}.`);
   return { mode };
 }
 
@@ -20,7 +20,7 @@ export function attributeQuality(of: Attributes): Pick<Settings, "controller" | 
   const quality = of("quality") ?? "auto";
   const rung = /^\d+$/.test(quality) ? settingOf("profile", quality) : undefined;
   if (quality !== "auto" && rung === undefined) {
-    throw new Error(`There is no quality “${quality}”: use “auto”, or a number from 0, the best.`);
+    throw new Error(`Unknown quality “${quality}”: use “auto”, or a number from 0 (the best).`);
   }
   return { controller: rung === undefined ? controller : "fixed", profile: rung ?? profile };
 }

@@ -63,7 +63,7 @@ async function answer(control: Control, message: Message): Promise<object> {
   const { tigas, id } = message;
   try {
     const act = Object.hasOwn(ACTIONS, tigas) ? ACTIONS[tigas] : undefined;
-    if (act === undefined) throw new Error(`There is no message “${tigas}”: use ${Object.keys(ACTIONS).join(", ")}.`);
+    if (act === undefined) throw new Error(`Unknown message “${tigas}”: use ${Object.keys(ACTIONS).join(", ")}.`);
     return { tigas, id, ...(await act(control, message)) };
   } catch (error) {
     return { tigas, id, error: error instanceof Error ? error.message : String(error) };

@@ -26,6 +26,6 @@ describe("openDevice", () => {
 
   it("gives one sentence without a graphics processor", async () => {
     withAdapters(null, null);
-    await expect(openDevice()).rejects.toThrow("WebGPU finds no graphics processor here.");
+    await expect(openDevice()).rejects.toThrow("WebGPU found no graphics processor.");
   });
 });

@@ -9,7 +9,7 @@ export function webgpuProblem(): string | null {
   if (navigator.gpu !== undefined) return null;
   return globalThis.isSecureContext
     ? "This browser has no WebGPU."
-    : "WebGPU needs a secure page: open it over HTTPS, or on localhost.";
+    : "WebGPU needs a secure page: open this page over HTTPS, or on localhost.";
 }
 
 /** Rejects with an EnhancementError. */
@@ -19,12 +19,12 @@ export async function openDevice(): Promise<GPUDevice> {
   const requested = () => navigator.gpu.requestAdapter({ powerPreference: "high-performance" });
   // Headless Chromium answers the first request with null while it looks for the graphics processor.
   const adapter = (await requested()) ?? (await requested());
-  if (adapter === null) throw new EnhancementError("WebGPU finds no graphics processor here.");
+  if (adapter === null) throw new EnhancementError("WebGPU found no graphics processor.");
   try {
     return await adapter.requestDevice({
       requiredFeatures: WELCOME.filter((feature) => adapter.features.has(feature)),
     });
   } catch {
-    throw new EnhancementError("The graphics processor cannot be used at present.");
+    throw new EnhancementError("The graphics processor is not available right now.");
   }
 }

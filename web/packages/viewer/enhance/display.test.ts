@@ -228,13 +228,13 @@ describe("with a model", () => {
     }
     expect(enhancement.said).toBeNull();
     animationFrame();
-    expect(enhancement.said).toBe("It took 300 ms a frame, and the display shows one every 17 ms.");
+    expect(enhancement.said).toBe("It took 300 ms per frame, but the display shows one every 17 ms.");
   });
 
   test("a graphics processor that is never done is given up", () => {
     display.show(frame());
     for (let i = 0; i < 70; i++) animationFrame();
-    expect(enhancement.said).toBe("The graphics processor is too slow for it.");
+    expect(enhancement.said).toBe("The graphics processor is too slow.");
     expect(canvas.drawn).toHaveLength(1);
   });
 

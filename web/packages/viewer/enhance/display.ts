@@ -198,9 +198,9 @@ export class Display<Frame extends Decoded> {
     const tooLong = done.map(({ ms }) => this.#pace.observe(ms ?? 0)).findLast((time) => time !== null);
     if (tooLong) {
       const [took, display] = [tooLong, this.#pace.interval].map((time) => Math.round(time));
-      this.#verdict = `It took ${took} ms a frame, and the display shows one every ${display} ms.`;
+      this.#verdict = `It took ${took} ms per frame, but the display shows one every ${display} ms.`;
     } else if ((this.#pending[0]?.age ?? 0) > PATIENCE) {
-      this.#verdict = "The graphics processor is too slow for it.";
+      this.#verdict = "The graphics processor is too slow.";
     }
   }
 

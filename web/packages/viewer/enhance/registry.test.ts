@@ -22,6 +22,6 @@ test("a name that is unknown is told with those that are", () => {
   expect(nameProblem("upscale", "bicubic")).toBeNull();
   expect(nameProblem("restore", "off")).toBeNull();
   expect(nameProblem("restore", "bicubic")).toMatch(
-    /^There is no model “bicubic” to restore with, only off, anime4k-restore-m, .+\.$/,
+    /^Unknown restore model “bicubic”: use off, anime4k-restore-m, .+\.$/,
   );
 });

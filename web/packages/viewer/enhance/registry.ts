@@ -25,5 +25,5 @@ export function chosenEnhancers(names: Readonly<Record<Kind, string>>): readonly
 /** Why a name cannot be chosen, in one sentence; null if it can. */
 export function nameProblem(kind: Kind, name: string): string | null {
   const names = [OFF, ...enhancersOf(kind).map((enhancer) => enhancer.name)];
-  return names.includes(name) ? null : `There is no model “${name}” to ${kind} with, only ${names.join(", ")}.`;
+  return names.includes(name) ? null : `Unknown ${kind} model “${name}”: use ${names.join(", ")}.`;
 }

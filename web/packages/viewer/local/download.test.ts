@@ -88,7 +88,7 @@ test("an answer that is no file is not asked for again", async () => {
 test("a request without any answer is made again", async () => {
   const { file, onCut } = fetched([hangs, () => part()]);
   expect(await file).toEqual(FILE);
-  expect(onCut).toHaveBeenCalledWith("The server does not answer.");
+  expect(onCut).toHaveBeenCalledWith("The server is not responding.");
 });
 
 test("an interrupted download resumes where it ended, if the file is the same", async () => {
@@ -102,9 +102,9 @@ test("an interrupted download resumes where it ended, if the file is the same", 
   expect(asked.map((one) => one.get("range"))).toEqual([null, "bytes=300-", "bytes=300-", "bytes=700-"]);
   expect(asked[3]?.get("if-range")).toBe('"one"');
   expect(onCut.mock.calls.map(([message]) => message)).toEqual([
-    "The download was cut off.",
-    "The server does not answer.",
-    "The download was cut off.",
+    "The download was interrupted.",
+    "The server is not responding.",
+    "The download was interrupted.",
   ]);
 });
 
@@ -133,7 +133,7 @@ test("a server that falls silent is asked again for the rest", async () => {
 
 test("a length that is not told, or too little memory for it, ends with a sentence", async () => {
   const untold = fetched([() => new Response("abc")]).file;
-  await expect(untold).rejects.toThrow("The server does not say how large the scene is.");
+  await expect(untold).rejects.toThrow("The server did not report the size of the scene.");
   const huge = fetched([() => new Response("abc", { headers: { "content-length": String(2 ** 52) } })]).file;
   await expect(huge).rejects.toThrow("This browser does not have enough memory for this scene.");
 });

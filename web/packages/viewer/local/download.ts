@@ -74,7 +74,7 @@ class PartialFile {
       attempt.abort(); // the remaining bytes are useless
     }
     signal.throwIfAborted();
-    if (this.#received < this.bytes.length) throw new CutOff("The download was cut off.");
+    if (this.#received < this.bytes.length) throw new CutOff("The download was interrupted.");
   }
 
   async #ask(signal: AbortSignal): Promise<Response> {
@@ -85,7 +85,7 @@ class PartialFile {
       response = await fetch(this.#options.url(), { cache: "no-store", signal, ...(headers && { headers }) });
     } catch (error) {
       if (this.#options.signal.aborted) throw error;
-      throw new CutOff("The server does not answer.");
+      throw new CutOff("The server is not responding.");
     }
     if (response.ok) return response;
     const { detail } = await readProblem(response);
@@ -98,7 +98,7 @@ class PartialFile {
     const resumed = response.status === 206;
     const length = Number(resumed ? total : response.headers.get("content-length"));
     if (!Number.isSafeInteger(length) || length <= 0 || (resumed && Number(from) !== this.#received)) {
-      throw new ApiError("The server does not say how large the scene is.", false);
+      throw new ApiError("The server did not report the size of the scene.", false);
     }
     this.#etag = response.headers.get("etag");
     if (resumed && length === this.bytes.length) return;
@@ -112,7 +112,7 @@ class PartialFile {
 
   #take(part: Uint8Array): void {
     if (this.#received + part.length > this.bytes.length) {
-      throw new ApiError("The server sent more of the scene than it had announced.", false);
+      throw new ApiError("The server sent more data than it announced.", false);
     }
     this.bytes.set(part, this.#received);
     this.#received += part.length;

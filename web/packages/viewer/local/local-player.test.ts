@@ -181,10 +181,10 @@ test("frames say which pose they show, and latency counts from the first picture
 test("an interruption is shown, and the received part is still drawn", async () => {
   const rig = await downloading();
   await come(0, 16 * 30);
-  frame(rig);
-  frame(rig);
+  for (let i = 0; i < 2; i++) frame(rig);
   link.error(new TypeError("network error"));
-  await vi.waitFor(() => expect(player.phase.value).toEqual({ kind: "lost", message: "The download was cut off." }));
+  const lost = { kind: "lost", message: "The download was interrupted." };
+  await vi.waitFor(() => expect(player.phase.value).toEqual(lost));
   const before = renderers[0]?.draws ?? 0;
   frame(rig);
   expect(renderers[0]?.draws).toBe(before + 1);
@@ -249,7 +249,7 @@ test.each<[string, Partial<LocalOptions>, string]>([
   [
     "a renderer that fails",
     { create: () => Promise.reject(new Error("shader error")) },
-    "The scene cannot be drawn here: shader error.",
+    "The scene cannot be drawn in this browser: shader error.",
   ],
   [
     "a file that cannot be drawn",
@@ -257,7 +257,7 @@ test.each<[string, Partial<LocalOptions>, string]>([
       create: async (asks) =>
         Object.assign(new FakeRenderer(asks), { show: () => Promise.reject(new Error("Out of memory")) }),
     },
-    "The scene cannot be drawn here: Out of memory.",
+    "The scene cannot be drawn in this browser: Out of memory.",
   ],
 ])("%s: one sentence, and the download ends", async (_, options, sentence) => {
   start(options);

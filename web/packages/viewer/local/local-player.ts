@@ -72,9 +72,9 @@ interface Drawn extends Size {
 class Impossible extends Error {}
 
 const DOWNLOADING: SourcePhase = { kind: "connecting", message: "Downloading the scene…" };
-const NO_GRAPHICS = "This browser cannot draw Gaussians: it offers neither WebGPU nor WebGL 2.";
-const LOST = "The graphics processor was lost. Choose the mode again to download the scene once more.";
-const UNKNOWN = "The scene could not be drawn here.";
+const NO_GRAPHICS = "This browser cannot draw Gaussians: it supports neither WebGPU nor WebGL 2.";
+const LOST = "The graphics processor was lost. Choose the mode again to restart the download.";
+const UNKNOWN = "The scene could not be drawn in this browser.";
 
 export class LocalPlayer {
   readonly stats = signal<LocalStats>(NO_LOCAL_STATS);
@@ -323,5 +323,5 @@ function watchTransfers(base: string, onBytes: (bytes: number) => void): Perform
 
 function cannotDraw(error: unknown): never {
   const message = error instanceof Error ? error.message : String(error);
-  throw new Impossible(`The scene cannot be drawn here: ${message.replace(/\.?$/, ".")}`);
+  throw new Impossible(`The scene cannot be drawn in this browser: ${message.replace(/\.?$/, ".")}`);
 }

@@ -73,7 +73,7 @@ export async function createRenderer(options: RendererOptions): Promise<Renderer
     stencil: false,
     powerPreference: "high-performance",
   }).catch(() => {
-    throw Object.assign(new Error("This browser offers neither WebGPU nor WebGL 2."), { name: "NoGraphics" });
+    throw Object.assign(new Error("This browser supports neither WebGPU nor WebGL 2."), { name: "NoGraphics" });
   });
   return new Renderer(device, options);
 }

@@ -39,5 +39,5 @@ export function roomProblem(weight: Weight, memory: number | undefined): string 
   const room = SHARE * GB * (memory ?? UNTOLD_MEMORY_GB);
   if (needed <= room) return null;
   const gb = (value: number) => (value / GB).toFixed(1);
-  return `This scene is too large for this browser: it would take ${gb(needed)} GB of memory, and there is room for ${gb(room)} GB.`;
+  return `This scene is too large for this browser: it needs ${gb(needed)} GB of memory, and about ${gb(room)} GB are available.`;
 }

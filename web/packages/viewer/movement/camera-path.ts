@@ -52,7 +52,7 @@ export function cameraPath(
   }
   const ease = typeof easing === "function" ? easing : EASINGS[easing];
   if (ease === undefined) {
-    throw new Error(`There is no easing “${easing}”: use ${Object.keys(EASINGS).join(", ")}.`);
+    throw new Error(`Unknown easing “${easing}”: use ${Object.keys(EASINGS).join(", ")}.`);
   }
   const positions = spline(
     times,

@@ -40,5 +40,5 @@ test.each([
   ["lists something else", () => Response.json({ movements: [{ name: 7 }] })],
 ])("a store that %s is named", async (_, make) => {
   answer(make);
-  await expect(listMovements("http://lab:1")).rejects.toThrow("The store at http://lab:1 does not answer");
+  await expect(listMovements("http://lab:1")).rejects.toThrow("The store at http://lab:1 is not responding");
 });

@@ -138,7 +138,7 @@ test("says how much of the scene is loaded, until it is", async () => {
 });
 
 test.each([
-  ["is cut off", new ApiError("The server does not answer.", true)],
+  ["is cut off", new ApiError("The server is not responding.", true)],
   ["no host can answer", new ApiError("No host is up.", false, "tigas:overloaded")],
 ])("a request for the scene that %s is made again, while the connection lasts", async (_, error) => {
   vi.mocked(loadScene).mockRejectedValue(error);
@@ -264,9 +264,9 @@ test("a lost server is announced, and the visit goes on with the same pose when 
   await visit();
   await drawn(3);
   const { pose } = session.rig;
-  transports[0]?.lose("The connection to the server broke.");
+  transports[0]?.lose("The connection to the server was lost.");
   await settle();
-  expect(phase()).toEqual({ kind: "lost", message: "The connection to the server broke." });
+  expect(phase()).toEqual({ kind: "lost", message: "The connection to the server was lost." });
   await drawn(3);
   const before = requests();
   await vi.advanceTimersByTimeAsync(5000);
@@ -483,7 +483,7 @@ test("a device that is online again tries to connect at once", async () => {
   await visit();
   vi.stubGlobal("navigator", { ...navigator, onLine: false });
   dispatchEvent(new Event("offline"));
-  vi.mocked(fetchConfig).mockRejectedValue(new ApiError("The server does not answer.", true));
+  vi.mocked(fetchConfig).mockRejectedValue(new ApiError("The server is not responding.", true));
   transports[0]?.lose("The connection broke.");
   await settle();
   expect(phase().kind).toBe("lost");
@@ -535,7 +535,7 @@ test("another host that could not load the scene at first loads it, and the page
   vi.mocked(connect).mockImplementation(async ({ host: name = null }) => host.connected(name));
   vi.mocked(fetchConfig).mockImplementation(async () => atHost("east"));
   await visit();
-  vi.mocked(loadScene).mockRejectedValue(new ApiError("The server does not answer.", true));
+  vi.mocked(loadScene).mockRejectedValue(new ApiError("The server is not responding.", true));
   vi.mocked(fetchConfig).mockImplementation(async () => atHost("west"));
   await vi.advanceTimersByTimeAsync(ASK_DIRECTOR_EVERY);
   expect([phase(), session.connected.value?.host]).toEqual([{ kind: "loading" }, "west"]);

@@ -3,7 +3,7 @@ import type { SourceKind } from "./source";
 
 export const LOCAL: SourceKind = {
   title: "Local",
-  about: "This browser draws the scene: downloaded as a whole, or the levels of detail that the view needs.",
+  about: "This browser draws the scene itself: all of it, or just the levels of detail that the view needs.",
   settings: ["localForm"],
   reopens: ["localForm"],
   requests: false,

@@ -20,7 +20,7 @@ import type { Source, SourceContext, SourceKind } from "./source";
 
 export const STATELESS: SourceKind = {
   title: "Stateless",
-  about: "Single pictures: one per pose of the camera, each complete in itself.",
+  about: "Single pictures: one for each camera pose, each independent of the others.",
   settings: [
     ...(["transport", "controller", "profile", "refine", "webp", "restore", "upscale"] as const),
     ...(["reprojection", "prediction", "overscan", "depth", "surround"] as const),

@@ -17,7 +17,7 @@ export function streamed({ kind, variants, settings, load }: StreamMode): Source
   const motion = ["reprojection", "overscan"] as const;
   return {
     title,
-    remedy: "Start one with tigas dash, and set it as “dash” in the server's upstreams.",
+    remedy: "Run tigas dash, and set it as “dash” in the server's upstreams.",
     ...(variants && { variants }),
     settings: [...settings, ...motion, "prediction"],
     reopens: [...settings, ...motion],
@@ -25,7 +25,7 @@ export function streamed({ kind, variants, settings, load }: StreamMode): Source
     drawsHere: false,
     keepsHidden: false,
     charts: true,
-    missing: (server) => (packagerOf(server) === undefined ? `This server offers no ${title} streams` : null),
+    missing: (server) => (packagerOf(server) === undefined ? `This server does not offer ${title} streams` : null),
     load,
   };
 }

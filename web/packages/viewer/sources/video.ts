@@ -8,7 +8,7 @@ const PICTURES_ONLY: readonly string[] = ["depth", "webp"];
 export const VIDEO: SourceKind = {
   ...STATELESS,
   title: "Video",
-  about: "One frame of a video per pose of the camera, decoded by this browser.",
+  about: "One video frame for each camera pose, decoded by this browser.",
   settings: STATELESS.settings.filter((name) => !PICTURES_ONLY.includes(name)),
   load: async () => (await import("./video-source")).openVideo,
 };

@@ -40,7 +40,7 @@ test("asks where the protocol says, whatever a scene's name", async () => {
 
 test("a server that is away does not answer", async () => {
   answer(() => Promise.reject(new TypeError("Failed to fetch")));
-  await expect(fetchScenes()).rejects.toMatchObject({ message: "The server does not answer.", unreachable: true });
+  await expect(fetchScenes()).rejects.toMatchObject({ message: "The server is not responding.", unreachable: true });
 });
 
 test.each(["null", "[]", '"ok"'])(

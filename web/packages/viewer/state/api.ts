@@ -16,7 +16,7 @@ export async function fetchConfig(
   const query = new URLSearchParams(viewer).toString();
   const path = query === "" ? "config.json" : `config.json?${query}`;
   const config = await callSoon<ServerConfig | null>(at(server, path), { signal });
-  if (!Array.isArray(config?.ladder)) throw new ApiError("The server's answer cannot be read.", true); // of a proxy
+  if (!Array.isArray(config?.ladder)) throw new ApiError("The server's response could not be read.", true); // of a proxy
   return server === "" || config.render_url ? config : { ...config, render_url: server };
 }
 
@@ -80,7 +80,7 @@ const at = (server: string, path: string) => (server === "" ? path : `${server}/
 
 function call<T>(path: string, request: AskOptions): Promise<T> {
   const read = async (answer: Response) => (answer.status === 204 ? undefined : await answer.json());
-  return ask(path, read, () => "The server does not answer.", request);
+  return ask(path, read, () => "The server is not responding.", request);
 }
 
 function callSoon<T>(path: string, request: AskOptions = {}): Promise<T> {

@@ -103,8 +103,8 @@ export const SETTINGS = {
     linked: true,
     recorded: true,
   }),
-  lockRung: whole(0, LAST_RUNG, 0, { label: "Rung", linked: true, recorded: true }),
-  lockKbps: whole(50, 100_000, 3000, { label: "At most", unit: "kbit/s", linked: true, recorded: true }),
+  lockRung: whole(0, LAST_RUNG, 0, { label: "Profile", linked: true, recorded: true }),
+  lockKbps: whole(50, 100_000, 3000, { label: "Limit", unit: "kbit/s", linked: true, recorded: true }),
   dashPreset: choice({ typical: "Typical", tuned: "Tuned", edge: "Edge", custom: "Custom" }, "tuned", {
     label: "DASH stream",
     linked: true,
@@ -112,7 +112,7 @@ export const SETTINGS = {
   }),
   /** Frames a second; null: the preset's own. */
   dashFrameRate: setting(nullable(oneOf(FRAME_RATES)), null, { label: "Frame rate", recorded: true }),
-  dashTransport: choice(DASH_TRANSPORTS, "tcp", { label: "Segments over", recorded: true }),
+  dashTransport: choice(DASH_TRANSPORTS, "tcp", { label: "Segment transport", recorded: true }),
   /** A single representation of a stream, for measurements; null: all that the packager offers. */
   dashRepresentation: setting(nullable(record({ rung: wholeWithin(0, LAST_RUNG), bitrate_kbps: KBPS })), null, {
     recorded: true,
@@ -153,7 +153,7 @@ export const SETTINGS = {
   refine: toggle(true, { label: "Sharpen when you stop", linked: true, recorded: true }),
   webp: toggle(true, {
     label: "WebP on slow links",
-    help: "Fewer bytes for the same picture, which takes the server a few milliseconds longer",
+    help: "Smaller pictures at the same quality, which take the server a few milliseconds longer",
     linked: true,
     recorded: true,
   }),
@@ -162,7 +162,7 @@ export const SETTINGS = {
   upscale: choice(models("upscale"), OFF, { label: "Upscale", linked: true, recorded: true }),
   reprojection: toggle(true, {
     label: "Smooth turning (reprojection)",
-    help: "Turns the newest frame to the current view each time the display is refreshed",
+    help: "Turns the newest frame to the current view on every screen refresh",
     linked: true,
     recorded: true,
   }),
@@ -185,13 +185,13 @@ export const SETTINGS = {
   }),
   depth: toggle(true, {
     label: "Use depth",
-    help: "Near things shift more than distant ones as you walk, by a coarse depth map",
+    help: "Uses a coarse depth map so that near objects shift more than distant ones as you walk",
     linked: true,
     recorded: true,
   }),
   surround: toggle(true, {
     label: "Fill the edges on fast turns",
-    help: "Small pictures of all directions fill what a quick turn would leave dark",
+    help: "Small pictures of every direction fill the areas that a quick turn would leave dark",
     linked: true,
     recorded: true,
   }),
@@ -205,7 +205,7 @@ export const SETTINGS = {
   hint: toggle(true, {}),
   shortcuts: toggle(true, {
     label: "Single-key shortcuts",
-    help: "When off, letters move the camera only while the picture has the focus, and do nothing else",
+    help: "When off, letter keys only move the camera, and only while the picture has the focus",
   }),
 };
 

@@ -34,7 +34,7 @@ test.each([
 ])("a packager of %s streams that is away is named as that", async (name, open) => {
   answer(() => Promise.reject(new TypeError("Failed to fetch")));
   await expect(open("http://packager", REQUEST as never, SIGNAL)).rejects.toMatchObject({
-    message: `The server of ${name} streams does not answer.`,
+    message: `The ${name} streaming server is not responding.`,
     unreachable: true,
   });
 });

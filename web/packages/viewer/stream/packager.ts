@@ -64,7 +64,7 @@ async function open<Opened extends Pick<SessionInfo, "id">>(
     }
   } catch (error) {
     if (signal.aborted) throw error;
-    throw new ApiError(`The server of ${name} streams does not answer.`, true);
+    throw new ApiError(`The ${name} streaming server is not responding.`, true);
   }
   // Too many streams, or the render service is down: a retry may help, as without an answer.
   throw new ApiError((await readProblem(response)).detail, response.status >= 500);

@@ -17,12 +17,12 @@ const CODEC = "avc1.4d001f";
 export async function videoProblem(): Promise<string | null> {
   if (typeof VideoDecoder === "undefined") {
     const why = isSecureContext ? "This browser has no WebCodecs" : "Browsers decode single frames only over HTTPS";
-    return `${why}, which the mode Video needs. Choose another mode.`;
+    return `${why}, which the Video mode needs. Choose another mode.`;
   }
   const { supported } = await VideoDecoder.isConfigSupported({ codec: CODEC, optimizeForLatency: true }).catch(() => ({
     supported: false,
   }));
-  return supported ? null : "This browser does not decode H.264, which the mode Video needs. Choose another mode.";
+  return supported ? null : "This browser does not decode H.264, which the Video mode needs. Choose another mode.";
 }
 
 interface Arrived extends Link, Pick<EncodedFrame, "codec" | "image"> {
@@ -38,7 +38,7 @@ export interface DecodedPicture {
 /** A decoder is abandoned after this many failures within this many milliseconds. */
 const FAILURES = 4;
 const SPAN = 10_000;
-const UNCARRIED = "The mode Video needs WebTransport, which this connection does not have. Choose another mode.";
+const UNCARRIED = "The Video mode needs WebTransport, which this connection does not have. Choose another mode.";
 
 export class VideoFrames {
   /** Why there can be no video, in a sentence for a person; null where there can. */
@@ -151,7 +151,7 @@ export class VideoFrames {
     this.#failures = [...this.#failures.filter((at) => now - at < SPAN), now];
     if (this.#failures.length < FAILURES) return;
     const why = error instanceof Error && error.message ? ` (${error.message.replace(/\.$/, "")})` : "";
-    this.#undecodable.value = `This browser’s video decoder fails again and again${why}. Choose another mode.`;
+    this.#undecodable.value = `This browser’s video decoder keeps failing${why}. Choose another mode.`;
   }
 
   #drop(frames: readonly Arrived[]): void {

@@ -208,7 +208,7 @@ test("a packager that is not reached, or no longer, is lost; a short silence is 
 
 test("a browser without WebRTC, or without the codec, says so; a refused offer leaves no connection", async () => {
   codecs = ["video/VP8"];
-  await expect(open()).rejects.toThrow("This browser does not decode H.264 over WebRTC; choose another codec.");
+  await expect(open()).rejects.toThrow("This browser cannot decode H.264 over WebRTC; choose another codec.");
   expect(FakeConnection.last.closed).toBe(true);
   codecs = ["video/H264"];
   vi.mocked(openWebRtc).mockRejectedValueOnce(new ApiError("4 sessions run already.", true));

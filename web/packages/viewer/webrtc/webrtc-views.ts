@@ -55,9 +55,7 @@ function connect({ codec }: WebRtcPlan): RTCPeerConnection {
   const wanted = codecs.filter(({ mimeType }) => mimeType === `video/${codec}`);
   if (wanted.length === 0) {
     connection.close();
-    throw new StreamUnsupported(
-      `This browser does not decode ${CODEC_NAMES[codec]} over WebRTC; choose another codec.`,
-    );
+    throw new StreamUnsupported(`This browser cannot decode ${CODEC_NAMES[codec]} over WebRTC; choose another codec.`);
   }
   const transceiver = connection.addTransceiver("video", { direction: "recvonly" });
   transceiver.setCodecPreferences([...wanted, ...codecs.filter(({ mimeType }) => mimeType === "video/rtx")]);

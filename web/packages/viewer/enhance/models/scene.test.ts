@@ -16,7 +16,7 @@ const device = {
 test.each([
   ["no weights", null, LADDER, "there are no weights for this scene."],
   ["weights for another ladder", SOUND, LADDER.slice(0, 1), /^its weights were trained for other frame sizes/],
-  ["weights that are cut off", SOUND.slice(0, 300), LADDER, "its weights are cut off."],
+  ["weights that are cut off", SOUND.slice(0, 300), LADDER, "its weights are truncated."],
   ["a GPU that refuses the shaders", SOUND, LADDER, "this graphics processor cannot run it."],
 ])("%s end in a sentence", async (_, file, ladder, message) => {
   const error: unknown = await SCENE.load(device, file, ladder).catch((reason: unknown) => reason);

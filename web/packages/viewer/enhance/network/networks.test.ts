@@ -49,13 +49,13 @@ const WITH_MORE = (() => {
 })();
 
 test.each<[string, ArrayBuffer, RegExp]>([
-  ["nothing", new ArrayBuffer(0), /cut off/],
+  ["nothing", new ArrayBuffer(0), /truncated/],
   ["a web page", new TextEncoder().encode("<!doctype html><title>Not found</title>").buffer, /header is larger/],
   ["a header of many megabytes", Uint8Array.of(0, 0, 0, 1, 0, 0, 0, 0, 123).buffer, /header is larger than 64 KiB/],
-  ["a header that ends nowhere", Uint8Array.of(99, 0, 0, 0, 0, 0, 0, 0, 123).buffer, /cut off/],
+  ["a header that ends nowhere", Uint8Array.of(99, 0, 0, 0, 0, 0, 0, 0, 123).buffer, /truncated/],
   ["a header that is not JSON", safetensors("{", SOUND.data), /not a safetensors file/],
-  ["a truncated file", safetensors(SOUND.header, SOUND.data).slice(0, -2), /cut off/],
-  ["a file with something behind", safetensors(SOUND.header, new Uint16Array(5000)), /continues after/],
+  ["a truncated file", safetensors(SOUND.header, SOUND.data).slice(0, -2), /truncated/],
+  ["a file with something behind", safetensors(SOUND.header, new Uint16Array(5000)), /data after the last tensor/],
   ["more than 1 MB", new ArrayBuffer(1_000_001), /larger than 1 MB/],
   ["infinite weights", safetensors(SOUND.header, weights([ONE, OTHER], 0xfc00).data), /not a finite number/],
   ["NaN", safetensors(SOUND.header, SOUND.data.with(700, 0x7e01)), /rung2\.conv0\.weight.* not a finite number/],
@@ -75,12 +75,12 @@ test.each<[string, ArrayBuffer, RegExp]>([
   [
     "whole precision",
     changed((header) => (header["rung1.conv0.bias"] = { dtype: "F32", shape: [4], data_offsets: [216, 224] })),
-    /"rung1\.conv0\.bias" is not described/,
+    /"rung1\.conv0\.bias" is not declared/,
   ],
   [
     "overlapping tensors",
     changed((header) => (header["rung1.conv0.bias"] = { dtype: "F16", shape: [4], data_offsets: [0, 8] })),
-    /not where its shape says/,
+    /offsets that its shape implies/,
   ],
 ])("%s is refused in a sentence", (_, file, reason) => {
   expect(() => readNetworks(file)).toThrow(EnhancementError);

@@ -60,7 +60,7 @@ export function readNetworks(file: ArrayBuffer): Network[] {
   const left = new Map(safetensors.tensors);
   const networks = descriptions(safetensors).map((description) => network(description, left));
   const [spare] = left.keys();
-  if (spare !== undefined) throw new EnhancementError(`its weights hold a tensor of no network: ${quoted(spare)}.`);
+  if (spare !== undefined) throw new EnhancementError(`its weights contain a tensor of no network: ${quoted(spare)}.`);
   return networks;
 }
 
@@ -72,7 +72,7 @@ function descriptions({ metadata }: Safetensors): Description[] {
     throw new EnhancementError("its list of networks is not valid.");
   }
   const rungs = networks.map(({ rung }) => rung);
-  if (new Set(rungs).size < rungs.length) throw new EnhancementError("its weights have one rung twice.");
+  if (new Set(rungs).size < rungs.length) throw new EnhancementError("its weights list a rung twice.");
   return networks;
 }
 

@@ -36,33 +36,35 @@ export function readSafetensors(file: ArrayBuffer): Safetensors {
   if (file.byteLength > MAX_BYTES) throw new EnhancementError("its weights are larger than 1 MB.");
   const [header, data] = parts(file);
   const { __metadata__: metadata = {}, ...descriptions } = header;
-  if (!v.is(Metadata, metadata)) throw new EnhancementError("its weights' metadata are not all text.");
+  if (!v.is(Metadata, metadata)) throw new EnhancementError("its weights' metadata is not all text.");
   const tensors = new Map<string, Tensor>();
   let end = 0;
   for (const { name, description } of inFileOrder(descriptions)) {
     const { shape, data_offsets: offsets } = description;
     const size = shape.reduce((product, extent) => product * extent, 2);
     if (offsets[0] !== end || offsets[1] !== end + size) {
-      throw new EnhancementError(`its weights' tensor ${quoted(name)} is not where its shape says.`);
+      throw new EnhancementError(
+        `its weights' tensor ${quoted(name)} does not have the offsets that its shape implies.`,
+      );
     }
     end = offsets[1];
-    if (end > data.byteLength) throw new EnhancementError("its weights are cut off.");
+    if (end > data.byteLength) throw new EnhancementError("its weights are truncated.");
     const halves = new Uint16Array(data.slice(offsets[0], end));
     if (halves.some((half) => (half & NOT_FINITE) === NOT_FINITE)) {
       throw new EnhancementError(`its weights' tensor ${quoted(name)} holds a value that is not a finite number.`);
     }
     tensors.set(name, { shape, halves });
   }
-  if (end !== data.byteLength) throw new EnhancementError("its weights file continues after the last tensor.");
+  if (end !== data.byteLength) throw new EnhancementError("its weights file has data after the last tensor.");
   return { metadata, tensors };
 }
 
 function parts(file: ArrayBuffer): [header: Record<string, unknown>, data: ArrayBuffer] {
-  if (file.byteLength < 8) throw new EnhancementError("its weights are cut off.");
+  if (file.byteLength < 8) throw new EnhancementError("its weights are truncated.");
   const length = new DataView(file).getBigUint64(0, true);
   if (length > MAX_HEADER_BYTES) throw new EnhancementError("its weights' header is larger than 64 KiB.");
   const start = 8 + Number(length);
-  if (start > file.byteLength) throw new EnhancementError("its weights are cut off.");
+  if (start > file.byteLength) throw new EnhancementError("its weights are truncated.");
   try {
     const header: unknown = JSON.parse(new TextDecoder("utf-8", { fatal: true }).decode(file.slice(8, start)));
     return [v.parse(v.record(v.string(), v.unknown()), header), file.slice(start)];
@@ -75,9 +77,7 @@ function inFileOrder(descriptions: Record<string, unknown>) {
   return Object.entries(descriptions)
     .map(([name, description]) => {
       if (!v.is(Description, description)) {
-        throw new EnhancementError(
-          `its weights' tensor ${quoted(name)} is not described as one of half-precision numbers.`,
-        );
+        throw new EnhancementError(`its weights' tensor ${quoted(name)} is not declared as half-precision numbers.`);
       }
       return { name, description };
     })
