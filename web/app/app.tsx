@@ -1,4 +1,4 @@
-/** The page: the list of scenes, the list of experiments, or the viewer, as the URL says. */
+/** The page: the list of scenes, the list of experiments or the viewer, depending on the URL. */
 import { unsaved } from "#viewer/movement/movement-deck";
 import { exporting, outdated, route } from "./state/app";
 import type { Route } from "./state/route";

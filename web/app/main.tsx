@@ -1,4 +1,4 @@
-/** The page's entry: nothing but wiring. */
+/** Entry point of the page: only wiring. */
 import "./styles/tokens.css";
 import "./styles/base.css";
 import "./styles/dashboard.css";

@@ -30,7 +30,7 @@ afterEach(() => {
   vi.useRealTimers();
 });
 
-/** Animation frames for this many milliseconds. */
+/** Runs animation frames for this many milliseconds. */
 function animate(ms: number): void {
   for (const end = now + ms; now < end; now += 20) {
     session.rig.sample(now);

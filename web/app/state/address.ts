@@ -1,5 +1,5 @@
 /**
- * The page's address as a link to the present view, so that reloading, bookmarking or copying it preserves the view.
+ * The page's address as a link to the current view, so that reloading, bookmarking or copying it preserves the view.
  */
 import { effect, untracked } from "@preact/signals";
 import type { ViewerSession } from "#viewer/session/session";
@@ -8,10 +8,10 @@ import { parseRoute } from "./route";
 
 type Visit = Pick<ViewerSession, "scene" | "rig" | "state">;
 
-/** The camera rests once it has not moved for this long, in milliseconds. Browsers refuse pages that change their address all the time. */
+/** The camera is at rest after this many milliseconds without movement. Browsers block pages that change their address too often. */
 const RESTS_AFTER = 500;
 
-/** Sets the address to a link to the present view. */
+/** Sets the address to a link to the current view. */
 export function showAddress(visit: Visit): void {
   const hash = linkTo(visit);
   if (hash !== null) history.replaceState(history.state, "", hash);
@@ -19,7 +19,7 @@ export function showAddress(visit: Visit): void {
 
 /**
  * Updates the address whenever the user's camera and settings come to rest; returns a function that stops it. The
- * address is kept while a script, an experiment or a movement controls the view, and until the view has changed.
+ * address stays unchanged until the view changes, and while a script, an experiment or a movement controls it.
  */
 export function keepAddress(visit: Visit): () => void {
   const { rig, scene, state } = visit;
@@ -48,7 +48,7 @@ export function keepAddress(visit: Visit): () => void {
       settings.value;
       settingsOverridden.value;
       rig.source.value;
-      pose = Number.NaN; // as good as another one
+      pose = Number.NaN; // differs from every pose
     }),
   ];
   return () => {

@@ -7,23 +7,23 @@ import { loadSettings, saveSettings } from "#viewer/state/settings";
 import { ViewerState } from "#viewer/state/viewer-state";
 import { parseRoute, type Route } from "./route";
 
-/** Of the viewer that fills the page. */
+/** State of the viewer that fills the page. */
 export const page = new ViewerState();
 export const { settings, settingsOverridden, config, sceneLadder, ladder, change: changeSettings } = page;
 
 export const route = signal<Route>({ page: "scenes" });
 /** Null until the server has answered. */
 export const scenes = signal<readonly SceneInfo[] | null>(null);
-/** Why the list of scenes is missing or old, or null. */
+/** Reason why the list of scenes is missing or outdated, or null. */
 export const scenesError = signal<string | null>(null);
 
-/** A video is being made, which would be lost with the page. */
+/** Whether a video is being made, which would be lost if the page were closed. */
 export const exporting = signal(false);
 
-/** A part of this page no longer exists on the server, which has been updated. */
+/** Whether the server has been updated and no longer has a part of this page. */
 export const outdated = signal(false);
 
-/** Connects the state with the browser; called once. */
+/** Connects the state to the browser; called once. */
 export function start(): void {
   settings.value = loadSettings(() => localStorage);
   effect(() => {
@@ -45,9 +45,9 @@ export function start(): void {
 let refreshes = 0;
 
 /**
- * Asks the server for its configuration and scenes; `scan` has it look at its directory again.
+ * Fetches the server's configuration and scenes; `scan` makes it rescan its directory.
  *
- * Returns the scenes of this answer, or null after a failure. Shows them unless a newer answer is on its way.
+ * Returns the scenes, or null after a failure. Shows them unless a newer request is in progress.
  */
 export async function refreshScenes({ scan = false } = {}): Promise<readonly SceneInfo[] | null> {
   const number = ++refreshes;

@@ -14,7 +14,7 @@ import type { ScenePose } from "#viewer/view/camera";
 import { poseOf, poseText } from "#viewer/view/pose-text";
 import { ASKABLE, type Asked, sceneHash } from "./route";
 
-/** The hash of a link to a view: settings that are not the usual ones, and the mode in any case. */
+/** The hash of a link to a view, with the mode and all settings that differ from their defaults. */
 export function viewHash(scene: string, pose: ScenePose, settings: Settings): string {
   const named = LINKED.filter((name) => name === "mode" || settings[name] !== DEFAULT_SETTINGS[name]);
   const chosen = named.map((name) => `&${name}=${encodeURIComponent(inText(settings[name]))}`);

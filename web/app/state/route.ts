@@ -1,4 +1,4 @@
-/** Which page the URL's hash names, so that reloading, bookmarks and the back button work. */
+/** The page named by the URL's hash, so that reloading, bookmarks and the back button work. */
 import { LINKED } from "#viewer/state/settings";
 
 export type Route =
@@ -9,7 +9,7 @@ export type Route =
       readonly page: "viewer";
       readonly scene: string;
       readonly asked: Asked;
-      /** Shows nothing but the view, as in a frame of another page. */
+      /** Shows only the view, as in a frame of another page. */
       readonly bare?: true;
       /** Unknown names in the link. */
       readonly unknown?: readonly string[];
@@ -51,7 +51,7 @@ export function parseRoute(hash: string): Route {
       ...(unknown.length > 0 && { unknown }),
     };
   } catch {
-    return { page: "scenes" }; // a broken escape
+    return { page: "scenes" }; // an invalid escape sequence
   }
 }
 
@@ -59,12 +59,12 @@ export function sceneHash(scene: string): string {
   return `#/scene/${encodeURIComponent(scene)}`;
 }
 
-/** The page that performs an experiment's missing runs. */
+/** The page that makes an experiment's missing runs. */
 export function runHash(experiment: string): string {
   return `${EXPERIMENTS}/${encodeURIComponent(experiment)}/run`;
 }
 
-/** The samples of an experiment that the store keeps. */
+/** The samples of an experiment in the store. */
 export function samplesHash(experiment: string): string {
   return `${EXPERIMENTS}/${encodeURIComponent(experiment)}/samples`;
 }

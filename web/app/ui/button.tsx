@@ -30,11 +30,11 @@ interface IconButtonProps extends Pick<ButtonHTMLAttributes, "disabled" | "aria-
   /** The tooltip, if it is not the label. */
   readonly title?: string;
   readonly onClick: () => void;
-  /** For a button that switches something on and off. */
+  /** State of a toggle button. */
   readonly pressed?: boolean;
-  /** The key that does the same, as `aria-keyshortcuts` spells it. */
+  /** The equivalent key, as spelled in `aria-keyshortcuts`. */
   readonly shortcut?: string;
-  /** Shows the label beside the icon. */
+  /** Shows the label next to the icon. */
   readonly worded?: boolean;
   readonly busy?: boolean;
 }
@@ -60,7 +60,7 @@ export function IconButton({ icon, label, title = label, pressed, shortcut, word
 
 interface QuietButtonProps extends Pick<ButtonHTMLAttributes, "disabled" | "title" | "type" | "aria-label"> {
   readonly icon?: IconNode;
-  /** A further class. */
+  /** An additional class. */
   readonly kind?: string;
   readonly onClick?: () => void;
   readonly children: ComponentChildren;
@@ -75,14 +75,14 @@ export function QuietButton({ icon, kind, children, ...rest }: QuietButtonProps)
 }
 
 interface FileButtonProps extends Pick<ButtonHTMLAttributes, "disabled" | "title"> {
-  /** Of the input, for assistive technology. */
+  /** Label of the input, for assistive technology. */
   readonly label: string;
   readonly accept?: string;
   readonly onFile: (file: File) => void;
   readonly children: ComponentChildren;
 }
 
-/** Opens one of the person's files. */
+/** Opens a local file. */
 export function FileButton({ label, accept, onFile, ...rest }: FileButtonProps) {
   const input = useRef<HTMLInputElement>(null);
   return (

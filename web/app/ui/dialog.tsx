@@ -8,9 +8,9 @@ interface Props {
   readonly title: string;
   /** Class name in addition to that of all dialogs. */
   readonly kind: string;
-  /** Closed by its button, Escape or, if enabled, a click outside. */
+  /** Called when it is closed by its button, Escape or, if enabled, a click outside. */
   readonly onClose: () => void;
-  /** A click outside closes it, because no input is lost. */
+  /** Whether a click outside closes it; for dialogs without input to lose. */
   readonly light?: boolean;
   readonly onKeyDown?: KeyboardEventHandler<HTMLDialogElement>;
   readonly children: ComponentChildren;

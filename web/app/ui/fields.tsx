@@ -11,10 +11,10 @@ interface TextProps
   readonly unit?: string;
   readonly value: string;
   readonly numeric?: boolean;
-  /** It takes a whole line. */
+  /** Takes up a whole line. */
   readonly wide?: boolean;
   readonly invalid?: boolean;
-  /** Id of the element that says why. */
+  /** Id of the element that explains why. */
   readonly problems?: string;
   readonly onValue: (value: string) => void;
 }
@@ -89,16 +89,16 @@ interface SelectProps {
   /** A swatch may precede the text. */
   readonly label: string;
   readonly swatch?: ComponentChildren;
-  /** Whether the label is left to assistive technology: a heading already says it. */
+  /** Whether only assistive technology gets the label, because a heading already shows it. */
   readonly bare?: boolean | undefined;
   readonly title?: string | undefined;
   readonly value: string;
   readonly options: Options;
   readonly onValue: (value: string) => void;
   readonly disabled?: boolean | undefined;
-  /** Notices about it. */
+  /** Notice below the list. */
   readonly note?: string | null;
-  /** An option before the others. */
+  /** An option placed before the others. */
   readonly children?: ComponentChildren;
 }
 
@@ -174,7 +174,7 @@ interface RadioListProps {
   readonly chosen: string | null | undefined;
   readonly onChoose: (key: string) => void;
   readonly disabled?: boolean;
-  /** In a box, which scrolls. */
+  /** Whether the list is in a scrolling box. */
   readonly boxed?: boolean;
 }
 
@@ -193,7 +193,7 @@ export function RadioList({ name, label, rows, chosen, onChoose, disabled, boxed
   );
 }
 
-/** How many steps the arrow keys need from the start to the end. */
+/** Arrow key presses from the start to the end. */
 const STEPS = 200;
 
 interface SeekProps {
@@ -203,11 +203,11 @@ interface SeekProps {
   readonly duration: number;
   readonly disabled: boolean;
   readonly onSeek: (at: number) => void;
-  /** The handle is released. */
+  /** Called when the handle is released. */
   readonly onRelease?: (at: number) => void;
 }
 
-/** A place in something that plays, and the way to go elsewhere. */
+/** The playback position, with a slider to change it. */
 export function Seek({ label, at, duration, disabled, onSeek, onRelease }: SeekProps) {
   return (
     <div class="movement-progress small">

@@ -1,6 +1,6 @@
-/** Numbers as people read them. */
+/** Formats numbers for display. */
 
-/** A figure that is not known. */
+/** Shown for an unknown figure. */
 export const NONE = "–";
 
 /** 1,234 → "1.2 k", 2,345,678 → "2.3 M". */

@@ -1,9 +1,9 @@
-/** Hooks of several pages and panels. */
+/** Hooks shared by pages and panels. */
 import { type ReadonlySignal, useSignal } from "@preact/signals";
 import { useCallback, useEffect, useRef } from "preact/hooks";
 import { refreshScenes } from "../state/app";
 
-/** Calls the newest `listener` with events of the window. */
+/** Calls the newest `listener` with the window's events. */
 export function useWindowEvent<Type extends keyof WindowEventMap>(
   type: Type,
   listener: (event: WindowEventMap[Type]) => void,
@@ -26,7 +26,7 @@ export function useLeavingWarning(needed: boolean): void {
 export const WIDE = "(min-width: 800px) and (min-height: 500px)";
 export const TOUCH = "(pointer: coarse)";
 
-/** Whether a media query matches at present. */
+/** Whether a media query currently matches. */
 export function useMedia(condition: string): boolean {
   const matches = useSignal(matchMedia(condition).matches);
   useEffect(() => {
@@ -71,12 +71,12 @@ export function useAttempts(): Attempts {
   return { busy, problem, attempt };
 }
 
-/** The reason of a failure, in one sentence. */
+/** The reason for a failure, in one sentence. */
 export function reason(error: unknown): string {
   return error instanceof Error ? error.message : String(error);
 }
 
-/** Names the page in the browser's tab, and asks the server for its configuration and scenes. */
+/** Sets the title of the browser's tab, and fetches the server's configuration and scenes. */
 export function usePage(title: string): void {
   useEffect(() => {
     document.title = `${title} · TIGAS`;

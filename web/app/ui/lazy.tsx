@@ -1,9 +1,9 @@
-/** Components in chunks of their own, which are loaded when they are first shown. */
+/** Components in separate chunks, which are loaded when they are first shown. */
 import { useSignal } from "@preact/signals";
 import type { ComponentType } from "preact";
 import { useEffect } from "preact/hooks";
 
-/** A component that shows a sentence if it cannot be loaded and, unless it is `quiet`, while it is being loaded. */
+/** A component that shows a message if it cannot be loaded and, unless it is `quiet`, while it loads. */
 export function lazy<Props extends object>(
   load: () => Promise<ComponentType<Props>>,
   { quiet = false } = {},

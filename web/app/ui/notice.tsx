@@ -1,10 +1,10 @@
-/** Boxes with a sentence for the visitor. */
+/** Boxes with a message for the visitor. */
 import { LockOpen } from "lucide";
 import type { ComponentChildren } from "preact";
 import { config } from "../state/app";
 import { Icon } from "./button";
 
-/** A problem, in a sentence; nothing without one. */
+/** A box with a problem, in a sentence; nothing if there is no problem. */
 export function Notice({ children }: { readonly children: ComponentChildren }) {
   if (children === null || children === undefined) return null;
   return (
@@ -14,7 +14,7 @@ export function Notice({ children }: { readonly children: ComponentChildren }) {
   );
 }
 
-/** Points visitors over plain HTTP from another device to the address with WebTransport. */
+/** Points visitors on plain HTTP from another device to the secure address, which has WebTransport. */
 export function InsecureHint() {
   const url = config.value?.https_url;
   if (globalThis.isSecureContext || !url) return null;

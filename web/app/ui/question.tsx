@@ -11,7 +11,7 @@ interface Props {
   readonly verb: string;
   /** Rejects with the reason. */
   readonly action: () => Promise<unknown>;
-  /** It has been done; the question is closed by then. */
+  /** Called once the action is done and the dialog closed. */
   readonly onDone?: () => void;
   readonly onClose: () => void;
   readonly children: ComponentChildren;

@@ -1,7 +1,7 @@
-/** A browser may ask where to save a file before it reads it; in milliseconds. */
+/** Time for the browser to read a file, since it may first ask where to save it, in milliseconds. */
 const READ_WITHIN = 60_000;
 
-/** Hands a file to the person: the browser saves it, or asks where. */
+/** Saves a file through the browser, which may ask where. */
 export function save(name: string, content: Blob): void {
   const url = URL.createObjectURL(content);
   const link = document.createElement("a");
@@ -19,7 +19,7 @@ export function download(url: string): void {
   document.body.append(frame);
 }
 
-/** A file's name from a person's words. */
+/** A valid file name made from any text. */
 export function fileName(words: string, ending: string): string {
   return `${words.replace(/[^\p{L}\p{N}.-]+/gu, "-").replace(/^[.-]+|[.-]+$/g, "") || "experiment"}.${ending}`;
 }

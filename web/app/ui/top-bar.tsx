@@ -1,4 +1,4 @@
-/** The head of every page but the viewer: where it all begins, links to other pages, and the theme. */
+/** The header of every page but the viewer: link to the scenes, links to other pages, and the theme. */
 import { Monitor, Moon, Sun } from "lucide";
 import type { ComponentChildren } from "preact";
 import type { Settings } from "#viewer/state/settings";

@@ -1,4 +1,4 @@
-/** The movements that a person may choose: the store's, requested when a component is first shown, and this visit's. */
+/** The movements to choose from: the store's, requested when a component is first shown, and this visit's. */
 import { useEffect, useState } from "preact/hooks";
 import { ApiError } from "#client/http/problem";
 import { movements, type NamedMovement } from "#viewer/movement/movement-deck";
@@ -11,7 +11,7 @@ export interface ListedMovement extends Pick<NamedMovement, "origin" | "name"> {
   readonly description?: string;
 }
 
-/** `store` is the store's URL; `silence` is why its movements are not known, in one sentence. */
+/** `store` is the store's URL; `silence` is the reason why its movements are unknown, in one sentence. */
 export function useMovements(store: string | undefined): {
   readonly listed: readonly ListedMovement[];
   readonly silence: string | null;

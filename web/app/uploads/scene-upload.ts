@@ -9,7 +9,7 @@ import { addUploaded } from "#viewer/state/api";
 export type UploadState =
   | { readonly kind: "waiting" }
   | { readonly kind: "sending"; readonly sent: number }
-  /** All of it is there, and the server reads it. */
+  /** The upload is complete, and the server checks it. */
   | { readonly kind: "checking" }
   /** `again`: another try may succeed. */
   | { readonly kind: "failed"; readonly message: string; readonly again: boolean };
@@ -76,7 +76,7 @@ export class SceneUpload {
     }
   }
 
-  /** Resolves once all is there; null if it was cancelled. */
+  /** Resolves once the upload is complete; null if it was cancelled. */
   async #send(): Promise<Upload | null> {
     const { Upload } = await import("tus-js-client");
     const { signal } = this.#cancelled;
@@ -94,7 +94,7 @@ export class SceneUpload {
         onError: reject,
       });
       signal.addEventListener("abort", () => {
-        // the server drops an abandoned upload by itself
+        // the server drops abandoned uploads anyway
         upload.abort(true).catch(() => undefined);
         resolve(null);
       });
@@ -107,7 +107,7 @@ export class SceneUpload {
   }
 }
 
-/** Once a file is a scene, sending it again is a new upload. Until then, the server may have kept it, as on a full disk. */
+/** Forgets an upload that has become a scene, so that sending it again starts anew. Until then, the server may still have it. */
 async function forget(upload: Upload): Promise<void> {
   for (const { urlStorageKey } of await upload.findPreviousUploads()) {
     await upload.options.urlStorage?.removeUpload(urlStorageKey);

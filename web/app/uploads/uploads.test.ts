@@ -13,7 +13,7 @@ interface Callbacks {
   readonly onShouldRetry: (error: unknown) => boolean;
 }
 
-/** Inputs of tus' client and their outcomes, in order of the uploads. */
+/** Inputs of the tus client and their outcomes, in order of the uploads. */
 const begun = vi.hoisted(
   () => [] as { readonly name: string; readonly options: Callbacks; resumed: boolean; given: boolean | null }[],
 );

@@ -1,4 +1,4 @@
-/** Files uploaded as scenes, one after the other, also while another part of the page is open. */
+/** Files uploaded as scenes, one after the other, even while another part of the page is open. */
 import { computed, signal } from "@preact/signals";
 import { refreshScenes } from "../state/app";
 import { SceneUpload } from "./scene-upload";
@@ -12,7 +12,7 @@ export const added = signal<ReadonlySet<string>>(new Set());
 
 let queue: Promise<unknown> = Promise.resolve();
 
-/** `limit`: of a file, in bytes. */
+/** `limit` is the largest file size, in bytes. */
 export function addFiles(files: readonly File[], limit: number): void {
   for (const file of files) {
     const upload = new SceneUpload(file);

@@ -9,7 +9,7 @@ import type { Quantity } from "./plots";
 
 interface Props {
   readonly name: string;
-  /** Resolves with what draws into `place`, in the colours of the legend's swatches, until its result is called. */
+  /** Resolves with a function that draws into `place`, in the colours of the legend's swatches, and returns one to stop. */
   readonly load: () => Promise<(place: HTMLElement, legend: HTMLElement) => () => void>;
   readonly children: ComponentChildren;
 }

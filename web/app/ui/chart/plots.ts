@@ -7,14 +7,14 @@ import { type Columns, LATENCY_RANGE_MS, SPAN_S } from "#viewer/charts/history";
 
 const FONT = "11px system-ui, sans-serif";
 const HEIGHT = 128;
-/** Of the axis of latencies. */
+/** Ticks of the axis of latencies. */
 const TICKS = [10, 100, 1000];
-/** Of an axis's name, which is its unit. */
+/** Style of an axis's label, which is its unit. */
 const LABEL = { labelFont: FONT, labelSize: 14, labelGap: 0 };
 
 /** CSS variables of a chart's colours, read at each drawing to follow the theme. */
 interface Colours {
-  /** Of the legend's swatch number `i`. */
+  /** Style of the legend's swatch number `i`. */
   readonly swatch: (i: number) => CSSStyleDeclaration;
   readonly text: () => string;
   readonly grid: { readonly stroke: () => string; readonly width: number };
@@ -23,11 +23,11 @@ interface Colours {
 /** Parts of a chart other than its size, legend and cursor. */
 interface ChartOptions extends Pick<uPlot.Options, "padding" | "scales" | "hooks"> {
   readonly axes: readonly uPlot.Axis[];
-  /** Of each column after the first. */
+  /** One for each column after the first. */
   readonly series: readonly uPlot.Series[];
 }
 
-/** Draws into `place` in the colours of the legend's swatches and at its width, until the function that it returns is called. */
+/** Draws into `place` in the colours of the legend's swatches and at its width; returns a function that stops. */
 function draw(
   place: HTMLElement,
   legend: HTMLElement,
@@ -79,7 +79,7 @@ function filled({ swatch }: Colours, i: number, stepped: boolean): uPlot.Series 
 export interface Quantity {
   readonly label: string;
   readonly unit: string;
-  /** Name of the axis: quantities of one unit share it. */
+  /** Name of the axis; quantities with the same unit share it. */
   readonly axis: "left" | "right";
   readonly tone: "target" | "measured" | "second" | "left" | "right";
   /** Each value holds until the next one. */
@@ -138,7 +138,7 @@ export function plotDistribution(
     },
     axes: [
       {
-        // uPlot would also draw ticks outside of the axis, with cut labels.
+        // uPlot would also draw ticks outside the axis, with clipped labels.
         splits: (_, __, min, max) => TICKS.filter((at) => at >= min && at <= max),
         filter: (_, splits) => splits,
         values: (_, splits) => splits.map((at) => (at < 1000 ? `${at} ms` : `${at / 1000} s`)),

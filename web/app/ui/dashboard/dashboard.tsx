@@ -1,4 +1,4 @@
-/** All scenes of the server: find one, load it, open it. */
+/** All scenes on the server, to find, load and open. */
 import { RefreshCw, Search, Upload } from "lucide";
 import { useEffect, useRef, useState } from "preact/hooks";
 import type { SceneInfo } from "#client/wire/render";
@@ -21,7 +21,7 @@ const UploadCard = lazy(async () => (await import("./upload-card")).UploadCard, 
 const RenameQuestion = lazy(async () => (await import("./questions")).RenameQuestion);
 const DeleteQuestion = lazy(async () => (await import("./questions")).DeleteQuestion);
 
-/** How often the list is read again while a scene loads or the server is away, in milliseconds. */
+/** Interval of refreshing the list while a scene loads or the server is unreachable, in milliseconds. */
 const REFRESH_EVERY = 1000;
 /** Display time of a rescan's result, in milliseconds. */
 const NEWS_FOR = 10_000;
@@ -33,12 +33,12 @@ export function Dashboard() {
   const [question, setQuestion] = useState<{ readonly kind: "rename" | "delete"; readonly scene: SceneInfo }>();
   const search = useRef<HTMLInputElement>(null);
   const files = useRef<HTMLInputElement>(null);
-  /** A scene was loaded for its picture since the list was read. */
+  /** Whether a scene was loaded for its picture since the list was fetched. */
   const stale = useRef(false);
 
   usePage("Scenes");
   useEffect(() => {
-    if (scanning) return undefined; // a list read meanwhile may be older than the scan's, and would replace it
+    if (scanning) return undefined; // a list fetched meanwhile may be older than the scan's and would replace it
     const timer = setInterval(() => {
       const waiting = scenesError.value !== null || scenes.value?.some(({ state }) => state === "loading");
       if (!document.hidden && (waiting || stale.current)) void refreshScenes();

@@ -1,4 +1,4 @@
-/** Placeholder of the empty list of scenes. */
+/** Placeholders for an empty list of scenes. */
 import { Box, SearchX } from "lucide";
 import { Icon } from "../button";
 

@@ -1,7 +1,7 @@
 /** Result of a rescan of the models directory. */
 import type { SceneInfo } from "#client/wire/render";
 
-/** Names shown per group; further ones are counted. */
+/** Names listed per group; the rest are counted. */
 const NAMED = 3;
 
 /** A sentence about how the list of scenes has changed. */

@@ -47,8 +47,8 @@ export function DeleteQuestion({ scene, onClose }: Props) {
 }
 
 /**
- * Reads the list again. If the focus was on the scene's card, which is gone then, it goes to the card of the new id, to
- * the neighbour of the old one, or to the filter.
+ * Refreshes the list. If the focus was on the scene's card, which then no longer exists, it moves to the card of the new
+ * id, to the neighbour of the old one, or to the filter.
  */
 async function refresh(id: string, now = id): Promise<void> {
   const place = cards().findIndex((card) => card.dataset.scene === id);

@@ -16,9 +16,9 @@ const STATES: Record<SceneInfo["state"], string> = {
 
 interface Props {
   readonly scene: SceneInfo;
-  /** It was added from this page and not opened since. */
+  /** Whether it was added from this page and not opened since. */
   readonly added: boolean;
-  /** The server has rendered its picture, for which it loads scenes. */
+  /** Called when the server has rendered its picture, for which it loads the scene. */
   readonly onRendered: () => void;
   /** Null where scenes cannot be changed. */
   readonly onRename: (() => void) | null;

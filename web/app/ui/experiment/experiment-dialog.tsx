@@ -1,4 +1,4 @@
-/** The dialog that begins an experiment in the viewer's scene. */
+/** The dialog that starts an experiment in the viewer's scene. */
 
 import { type Signal, useSignal } from "@preact/signals";
 import { useEffect, useMemo } from "preact/hooks";
@@ -25,7 +25,7 @@ export function ExperimentDialog({ session, open }: Props) {
   const { name = "" } = session.scene.value ?? {};
   useEffect(() => {
     if (open.value) draft.value ??= initialDraft(session);
-    if (draft.value?.name === "") draft.value = { ...draft.value, name }; // the scene may come after the dialog was opened
+    if (draft.value?.name === "") draft.value = { ...draft.value, name }; // the scene may arrive after the dialog has opened
   }, [open.value, draft, session, name]);
   if (!open.value || draft.value === null) return null;
   return (

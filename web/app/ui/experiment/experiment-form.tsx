@@ -153,7 +153,7 @@ export function ExperimentForm({ session, shaper, store, draft, onDraft, onStart
   );
 }
 
-/** Number and duration of the runs, or what is wrong, in one sentence. */
+/** Number and duration of the runs, or the problem, in one sentence. */
 function useSummary(store: StoreApi, request: ExperimentRequest | null): string {
   const said = useSignal("");
   const key = JSON.stringify(request);

@@ -1,4 +1,4 @@
-/** All experiments that the store keeps, the newest first, with their reports and archives. */
+/** All experiments in the store, newest first, with their reports and archives. */
 
 import { Download, FileText, Images, Play, Trash2 } from "lucide";
 import { useCallback, useEffect, useMemo, useState } from "preact/hooks";

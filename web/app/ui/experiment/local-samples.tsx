@@ -1,4 +1,4 @@
-/** Samples that only this browser has: uploaded later, or deleted. */
+/** Samples that only this browser has, to be uploaded or deleted. */
 import { Trash2, Upload } from "lucide";
 import { useCallback, useEffect, useRef, useState } from "preact/hooks";
 import { deleteSamples, uploadSamples } from "#lab/experiment/sample-upload";
@@ -14,7 +14,7 @@ import { dateOf, Table } from "./table";
 interface Props {
   /** Null without a store. */
   readonly store: StoreApi | null;
-  /** Samples were uploaded to the store. */
+  /** Called when samples were uploaded to the store. */
   readonly onUploaded: () => void;
 }
 

@@ -1,4 +1,4 @@
-/** Performs an experiment of the store in this page: the view, the progress, and the report at the end. */
+/** Runs an experiment of the store in this page: the view, the progress, and the report at the end. */
 
 import { type Signal, useSignal } from "@preact/signals";
 import { Download, FileText, Images } from "lucide";
@@ -34,7 +34,7 @@ export function RunPage({ id }: { id: string }) {
 
 interface PerformingProps {
   readonly id: string;
-  /** URLs. */
+  /** URLs of the services. */
   readonly store: string;
   readonly shaper: string | undefined;
 }
@@ -93,7 +93,7 @@ interface Job {
   readonly signal: AbortSignal;
 }
 
-/** Performs a run in a new visit, on a stage of the run's size that is scaled to fit. */
+/** Makes a run in a new visit, on a stage of the run's size that is scaled to fit. */
 async function performOn(place: HTMLElement | null, { job, shaper, experiment, say, signal }: Job): Promise<Performed> {
   if (place === null) throw new Error("There is no place for the view.");
   const { scene, width, height } = job.configuration;
@@ -124,7 +124,7 @@ async function performOn(place: HTMLElement | null, { job, shaper, experiment, s
   }
 }
 
-/** Keeps the screen on meanwhile, where the browser can: a dark phone gets no animation frames. */
+/** Keeps the screen on during `work`, where the browser can: with its screen off, a phone gets no animation frames. */
 async function awake(work: Promise<void>): Promise<void> {
   const over = new AbortController();
   let lock: WakeLockSentinel | undefined;
@@ -132,7 +132,7 @@ async function awake(work: Promise<void>): Promise<void> {
     lock = await navigator.wakeLock?.request("screen").catch(() => undefined);
     if (over.signal.aborted) await lock?.release();
   };
-  document.addEventListener("visibilitychange", () => void keep(), { signal: over.signal }); // hidden, it loses the lock
+  document.addEventListener("visibilitychange", () => void keep(), { signal: over.signal }); // a hidden page loses the lock
   await keep();
   await work.finally(() => {
     over.abort();

@@ -122,7 +122,7 @@ function Pictures({ sample, load }: { sample: SampleRow; load: Props["load"] }) 
   );
 }
 
-/** A picture, or how far it is from ground truth: the browser's compositor subtracts, and multiplies. */
+/** A picture, or its difference from ground truth, which the browser's compositor subtracts and multiplies. */
 function Layer({ view, urls }: { view: View; urls: Urls }) {
   const [name, difference] = view.split("-") as [Picture, string?];
   const [url, truth] = [urls[name], urls.truth];

@@ -125,7 +125,7 @@ test("rendering is begun, watched and stopped, and the table follows", async () 
     await vi.advanceTimersByTimeAsync(1000);
     expect(screen.getByText("2 of 2")).toBeTruthy();
   };
-  await vi.waitFor(everySecond, 10_000); // the page may not have begun to ask
+  await vi.waitFor(everySecond, 10_000); // the page may not have sent its request yet
   await vi.waitFor(() => expect(within(screen.getByRole("row", { name: /first/ })).getAllByText("2")).toHaveLength(2));
   await vi.waitFor(() => expect(options(screen.getByRole("combobox", { name: "Sample" }))).toHaveLength(1));
   answers["DELETE /materialise"] = answers["GET /materialise"] = { ...IDLE, done: 2 };

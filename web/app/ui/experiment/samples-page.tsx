@@ -1,4 +1,4 @@
-/** The samples of an experiment that the store keeps: rendered again when asked, run by run, with their pictures. */
+/** The samples of a stored experiment, run by run with their pictures, and rendered again on request. */
 import { useSignal } from "@preact/signals";
 import { useCallback, useEffect, useMemo, useState } from "preact/hooks";
 import { ApiError } from "#client/http/problem";
@@ -63,11 +63,11 @@ interface RenderingProps {
   readonly store: StoreApi;
   readonly id: string;
   readonly attempt: ReturnType<typeof useAttempts>["attempt"];
-  /** Whenever more is rendered. */
+  /** Called whenever more samples have been rendered. */
   readonly onProgress: () => Promise<unknown>;
 }
 
-/** How far rendering the samples again is, with the buttons that begin and end it. */
+/** Progress of rendering the samples again, with buttons to start and stop it. */
 function Rendering({ store, id, attempt, onProgress }: RenderingProps) {
   const state = useSignal<Materialisation | null>(null);
   const take = useCallback(
@@ -156,7 +156,7 @@ function Run({ run: { folder, samples }, store, id }: { run: RunRow; store: Stor
   const load = useCallback((name: string) => store.picture(id, folder, name), [store, id, folder]);
   // A change of the counts means new figures.
   const known = JSON.stringify(samples);
-  // biome-ignore lint/correctness/useExhaustiveDependencies: asked again when `known` changes
+  // biome-ignore lint/correctness/useExhaustiveDependencies: fetched again when `known` changes
   useEffect(() => {
     void attempt(async () => setList(await store.samples(id, folder)));
   }, [known, store, id, folder, attempt]);

@@ -2,7 +2,7 @@
 import type { ComponentChildren } from "preact";
 
 interface Props {
-  /** Heads; null: of actions. */
+  /** Headings; null for the column of actions. */
   readonly columns: readonly (string | null)[];
   readonly children: ComponentChildren;
 }

@@ -18,7 +18,7 @@ const TRACES = [
   { name: "torn", uploaded: true, error: "torn.csv has no rows." },
 ];
 
-/** The shaper's events, as the test sends them. */
+/** The shaper's events, sent by the test. */
 let events: {
   onopen?: () => void;
   onmessage?: (event: { data: string }) => void;

@@ -25,7 +25,7 @@ const FRAMES: readonly Quantity[] = [
   { label: "Round trip", unit: "ms", axis: "right", tone: "second" },
 ];
 
-/** Of a trace's outline, in pixels. */
+/** Size of a trace's outline, in pixels. */
 const OUTLINE: [number, number] = [72, 24];
 
 export function NetworkPanel({ base, session }: { base: string; session: ViewerSession }) {
@@ -150,9 +150,9 @@ function traceRow({ name, error, mean_down_kbps = 0, duration_ms = 0 }: TraceSum
   };
 }
 
-/** Where in its trace the link is, and the way to go elsewhere. */
+/** The link's position in its trace, with a slider to change it. */
 function Position({ shaper, status }: { shaper: Shaper; status: ShaperStatus }) {
-  /** While a person drags it. */
+  /** Set while the user drags the slider. */
   const [wanted, setWanted] = useState<number | null>(null);
   const go = async (position: number) => {
     await shaper.act((api) => api.seek(position));
@@ -202,7 +202,7 @@ function Direction({ name, of }: { name: string; of: DirectionStatus }) {
   );
 }
 
-/** The last minute of our frames, as the HUD knows them. */
+/** The last minute of this page's frames, as the HUD shows them. */
 function useFrames(session: ViewerSession): Signal<ReturnType<typeof noColumns>> {
   const columns = useSignal(noColumns(2));
   useEffect(() => {

@@ -30,10 +30,10 @@ const EASINGS: Readonly<Record<PathDraft["easing"], string>> = {
   "ease-out": "Slow end",
   linear: "Constant",
 };
-/** In place of a saved path's name. */
+/** Stands in for a saved path's name. */
 const NEW = "";
 
-/** Changes that are not saved yet, by the saved path's name; kept while the lab is closed. */
+/** Unsaved changes by the saved path's name; kept while the lab is closed. */
 interface Work {
   readonly scene: string;
   readonly chosen: string;
@@ -59,7 +59,7 @@ function Paths({ session, scene }: Props & { readonly scene: SceneInfo }) {
   const change = (next: PathDraft) => {
     work.value = { scene: scene.id, chosen, drafts: new Map(drafts).set(chosen, next) };
   };
-  /** Drops the changes of the path, and shows another. */
+  /** Discards the path's changes, and shows another path. */
   const leave = (next: string) => {
     work.value = { scene: scene.id, chosen: next, drafts: new Map([...drafts].filter(([name]) => name !== chosen)) };
   };
@@ -114,7 +114,7 @@ function Keyframes({ session, draft, onChange }: Props & DraftProps) {
       {stops.length > 0 && (
         <ol class="saved-places">
           {stops.map((stop, index) => (
-            // biome-ignore lint/suspicious/noArrayIndexKey: keyframes have no identity but their place
+            // biome-ignore lint/suspicious/noArrayIndexKey: keyframes have no identity other than their position
             <li key={index} class="row">
               <QuietButton title="Go to this view" onClick={() => goTo(session, stop)}>
                 Keyframe {index + 1} <span class="muted">{clock(stop.t_ms)}</span>
@@ -191,7 +191,7 @@ interface SavePathProps extends Props, DraftProps {
   readonly scene: SceneInfo;
   /** The name under which the path is saved. */
   readonly saved: string | undefined;
-  /** The path is saved or deleted; shows another. */
+  /** Called when the path was saved or deleted, to show another. */
   readonly onLeave: (next: string) => void;
 }
 

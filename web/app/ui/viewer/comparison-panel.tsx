@@ -1,4 +1,4 @@
-/** The pictures on the stage over the last walk and the last minute: how late, how much, how steady and how sharp. Drawn by uPlot, loaded on demand. */
+/** The pictures on the stage over the last walk and the last minute: latency, data, stalls and sharpness. Drawn by uPlot, loaded on demand. */
 
 import { Fragment } from "preact";
 import { useState } from "preact/hooks";

@@ -1,4 +1,4 @@
-/** Which models enhance frames before they are shown, and how that goes. */
+/** The choice of models that enhance frames before they are shown, and their status. */
 
 import { useSignal } from "@preact/signals";
 import { useCallback, useEffect } from "preact/hooks";
@@ -16,7 +16,7 @@ import { Notice } from "../notice";
 import { enhancementNote } from "./notes";
 import { Choice } from "./setting";
 
-/** Milliseconds between two questions. */
+/** Polling interval, in milliseconds. */
 const ASK_EVERY = 1000;
 
 export function SceneTraining({ session }: { session: ViewerSession }) {
@@ -72,7 +72,7 @@ function Offer({ own, onClick }: { own: boolean; onClick: () => void }) {
   );
 }
 
-/** Enhance with the networks that the scene has now. */
+/** Switches to the networks that the scene has now. */
 async function renew(session: ViewerSession, id: string): Promise<void> {
   const { enhance = null } = await fetchScene(id);
   const scene = session.scene.peek();

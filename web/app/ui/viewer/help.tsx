@@ -1,4 +1,4 @@
-/** A short help: navigation, keyboard shortcuts, and the meaning of the figures. */
+/** The help: navigation, keyboard shortcuts, and the meaning of the figures. */
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { Dialog } from "../dialog";

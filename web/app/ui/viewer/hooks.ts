@@ -22,7 +22,7 @@ export interface ViewerActions {
   readonly lock: () => void;
 }
 
-/** By position, as the movement keys are: by letter, the two would collide on Colemak and Dvorak. */
+/** By position, like the movement keys: by letter, the two would collide on Colemak and Dvorak. */
 const KEYS: Readonly<Record<string, keyof ViewerActions>> = {
   KeyH: "help",
   KeyI: "hud",
@@ -41,7 +41,7 @@ export function actionOf({ key, code }: Pick<KeyboardEvent, "key" | "code">): ke
   return ["?", "؟", "？"].includes(key) ? "help" : KEYS[code];
 }
 
-/** While `locked`, shortcuts are disabled, as with the setting against single keys. */
+/** Shortcuts are disabled while `locked`, and by the setting `shortcuts`. */
 export function useShortcuts(actions: ViewerActions, locked: boolean): void {
   useWindowEvent("keydown", (event) => {
     const typing = event.target instanceof Element && event.target.closest(TYPING);
@@ -55,7 +55,7 @@ export function useShortcuts(actions: ViewerActions, locked: boolean): void {
 
 const SWITCHES = "select, input[type=radio], input[type=checkbox]";
 
-/** Returns the keyboard to the camera after pointer use; keyboard users keep their focus while its element exists. */
+/** Returns the focus to the stage after pointer use; keyboard users keep their focus while its element exists. */
 export function useFocusReturn(root: RefObject<HTMLElement | null>, stage: RefObject<HTMLElement | null>): void {
   useEffect(() => {
     const element = root.current;
@@ -89,7 +89,7 @@ export function useFocusReturn(root: RefObject<HTMLElement | null>, stage: RefOb
   }, [root, stage]);
 }
 
-/** Whether an element fills the screen, and the switch for it, which is null where the browser has none, as on iPhones. */
+/** Whether an element fills the screen, and a function that toggles this; null without fullscreen, as on iPhones. */
 export function useFullscreen(element: RefObject<HTMLElement | null>) {
   const [on, setOn] = useState(false);
   useEffect(() => {
@@ -108,7 +108,7 @@ async function toggle(element: HTMLElement | null): Promise<void> {
   }
 }
 
-/** Saves the present view as a picture at full quality. `problem`: why the last one was not saved; null otherwise. */
+/** Saves the current view as a picture at full quality. `problem` is the reason why the last one failed, or null. */
 export function useScreenshot(session: ViewerSession | null) {
   const busy = useSignal(false);
   const problem = useSignal<string | null>(null);

@@ -71,7 +71,7 @@ export function Hud({ session, source, stats, linkNote }: HudProps) {
   );
 }
 
-/** A figure: its name, its label, and its value, which is not known if null. */
+/** A figure: its name, its label, and its value, or null if it is unknown. */
 export type FigureRow = readonly [name: Explained, label: string, value: ComponentChildren];
 
 export function Rows({ of }: { readonly of: readonly FigureRow[] }) {
@@ -142,7 +142,7 @@ function Details({ stats, enhancement }: { stats: Stats; enhancement: Enhancemen
 interface FigureProps {
   readonly name: Explained;
   readonly label: string;
-  /** Key of the tooltip; by default the label. */
+  /** Key of the tooltip; by default the name. */
   readonly explanation?: Explained;
   readonly value: string;
   readonly unit?: string;
@@ -164,12 +164,12 @@ function withUnit(value: number | null | undefined): string {
   return value === null || value === undefined ? NONE : `${milliseconds(value)} ms`;
 }
 
-/** A still camera needs no frames: none a second is no fault then. */
+/** The rate of new views; a still camera needs none and is idle. */
 function rate({ newViewsPerSecond, settled, shown }: Stats): string {
   return newViewsPerSecond === 0 && settled && shown > 0 ? "idle" : String(Math.round(newViewsPerSecond));
 }
 
-/** While pictures are turned, it is not that of their pixels. */
+/** While pictures are turned, the latency is the view's, not that of their pixels. */
 export function latencyName({ turned }: Pick<Stats, "turned">): string {
   return turned ? "view latency" : "motion to photon";
 }

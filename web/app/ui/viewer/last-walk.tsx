@@ -9,9 +9,9 @@ import { PLACES } from "#viewer/state/settings";
 import { settings } from "../../state/app";
 import { bitrate, bytes } from "../format";
 
-/** Smaller differences are one frame of the display (ms). */
+/** Smaller differences are within one display frame (ms). */
 const ALIKE = 17;
-/** Smaller differences of quality are hardly visible (dB). */
+/** Smaller differences in quality are hardly visible (dB). */
 const ALIKE_DB = 0.5;
 
 /**
@@ -26,7 +26,7 @@ interface Props {
   readonly names: readonly string[];
   readonly walk: Walk | null;
   readonly quality: SeenQuality;
-  /** Of these sides, the browser draws the pictures itself. */
+  /** Whether the browser itself draws each side. */
   readonly local: readonly boolean[];
 }
 
@@ -47,7 +47,7 @@ export function LastWalk({ names, walk, quality, local }: Props) {
   );
 }
 
-/** Over the stage, while the settings are closed: the last walk in one sentence, which opens all of its figures. */
+/** Shown over the stage while the lab is closed: the last walk in one sentence; a click opens all of its figures. */
 export function WalkVerdict({ session, onOpen }: { session: ViewerSession; onOpen: () => void }) {
   const comparison = session.comparison.value;
   const walk = comparison?.walks.last.value;
@@ -171,7 +171,7 @@ function closer(first: Judged, second: Judged): string {
   return `, with ${name} ${Math.abs(ahead).toFixed(1)} dB closer to the reference`;
 }
 
-/** Device that renders the sides: it may slow down both. */
+/** Names the device that renders the sides, as it may slow both down. */
 function renderers(names: readonly string[], local: readonly boolean[]): string {
   const own = names.filter((_, i) => local[i]);
   if (own.length === names.length) return "This browser draws both sides, so each slows the other down.";

@@ -148,7 +148,7 @@ function Custom({ setup }: { setup: DashSetup }) {
   );
 }
 
-/** In a segment; a chunk has no more. */
+/** Frames in a segment, the most that a chunk can have. */
 function framesOf({ segment_s, frame_rate }: DashSetup): number {
   return Math.max(1, Math.round(segment_s * frame_rate));
 }

@@ -10,7 +10,7 @@ export function MovePad({ input }: { input: StageInput }) {
 
   useEffect(
     () => () => {
-      input.pad = { forward: 0, right: 0, up: 0 }; // held while it disappears, it would walk on
+      input.pad = { forward: 0, right: 0, up: 0 }; // a pad that disappears while held would keep walking
     },
     [input],
   );

@@ -1,4 +1,4 @@
-/** Over the stage, whether the settings are open or not: that a movement has the camera or is recorded, and how to stop it. */
+/** Shown over the stage while a movement controls the camera or is recorded, with buttons to stop it. */
 
 import { Circle, Pause, Play, Route, Square } from "lucide";
 import type { MovementDeck } from "#viewer/movement/movement-deck";
@@ -7,7 +7,7 @@ import { Icon, IconButton } from "../button";
 import { clock } from "../format";
 import { useWindowEvent } from "../hooks";
 
-/** In a view without controls, nothing is shown, and neither keys nor files do anything. */
+/** In a view without controls, it shows nothing and ignores keys and files. */
 export function MovementStatus({ deck, bare }: { deck: MovementDeck; bare: boolean }) {
   useWindowEvent("keydown", (event) => {
     const plays = deck.state.peek() === "playing" || deck.state.peek() === "paused";
@@ -46,7 +46,7 @@ export function MovementStatus({ deck, bare }: { deck: MovementDeck; bare: boole
   );
 }
 
-/** A file may be dropped anywhere; the settings show the result. Without a deck, it is ignored. */
+/** Opens a file that is dropped anywhere and shows the result in the lab. Without a deck, the file is ignored. */
 function useDrop(deck: MovementDeck | null): void {
   const hasFile = (event: DragEvent) => Boolean(event.dataTransfer?.types.includes("Files")) && !inDialog(event);
   useWindowEvent("dragover", (event) => hasFile(event) && event.preventDefault());

@@ -1,4 +1,4 @@
-/** Movement traces: choose one, or record one; then the camera follows it. */
+/** Movement traces: choose or record one for the camera to follow. */
 import { Circle, Download, Pause, Play, Square } from "lucide";
 import { useState } from "preact/hooks";
 import type { SceneInfo } from "#client/wire/render";
@@ -84,7 +84,7 @@ interface ChoiceProps extends Pick<Props, "deck"> {
 
 /** The store's movements, and this visit's files and recordings. */
 function Choice({ deck, store, listed }: ChoiceProps) {
-  /** The key of the store's movement that is on its way. */
+  /** The key of the store's movement that is loading. */
   const [awaited, setAwaited] = useState<string | null>(null);
   const present = deck.movement.value;
   const choose = async (key: string) => {

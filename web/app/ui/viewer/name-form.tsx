@@ -1,4 +1,4 @@
-/** A form that saves something with the scene under a name. */
+/** A form that saves something in the scene under a name. */
 import type { ComponentChildren } from "preact";
 import { ApiError } from "#client/http/problem";
 import type { SceneEdit, SceneInfo } from "#client/wire/render";
@@ -22,7 +22,7 @@ export async function edit(session: Pick<ViewerSession, "scene">, id: string, ch
   return changed;
 }
 
-/** The most characters of a name. */
+/** Maximum length of a name. */
 export const MAX_NAME = 100;
 
 interface NameFormProps {
@@ -31,7 +31,7 @@ interface NameFormProps {
   readonly name: string;
   readonly onName: (name: string) => void;
   readonly disabled?: boolean;
-  /** Why a name cannot be used; null if it can. */
+  /** Returns why a name cannot be used; null if it can. */
   readonly refuse: (name: string) => string | null;
   /** The form displays the reason if it rejects. */
   readonly save: (name: string) => Promise<unknown>;
@@ -64,7 +64,7 @@ export function NameForm({ label, verb, name, onName, disabled = false, refuse, 
   );
 }
 
-/** “View 1”, or the first number that is free. */
+/** “View 1”, or the first free number. */
 export function freeName(kind: string, names: object): string {
   let number = 1;
   while (Object.hasOwn(names, `${kind} ${number}`)) number++;

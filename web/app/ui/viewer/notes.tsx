@@ -1,4 +1,4 @@
-/** Beside the figures of a picture on the stage: notices, and the switch between all figures and one line. */
+/** Notices next to a picture's figures, and the button that switches between all figures and one line. */
 import { ChevronDown, ChevronUp } from "lucide";
 import type { EnhancementStatus } from "#viewer/enhance/enhancement";
 import { changeSettings } from "../../state/app";
@@ -18,7 +18,7 @@ export function DetailsButton({ details }: { readonly details: boolean }) {
 /** Sentences by name, most important first; null for none. */
 export type Said = Readonly<Record<string, string | null>>;
 
-/** At most `most` of them: more would cover the picture. */
+/** Shows at most `most` of them: more would cover the picture. */
 export function Notes({ of, most }: { of: Said; most: number }) {
   const notes = Object.entries(of).filter(([, sentence]) => sentence !== null);
   return (
@@ -32,13 +32,13 @@ export function Notes({ of, most }: { of: Said; most: number }) {
   );
 }
 
-/** Null where all is as chosen. */
+/** Null if enhancement works as chosen. */
 export function enhancementNote(status: EnhancementStatus): string | null {
   if (status.kind === "failed") return `Enhancement is off. ${status.message}`;
   return status.kind === "starting" ? status.message : null;
 }
 
-/** No other link would bring frames sooner. */
+/** Notice that a faster link would not deliver frames sooner. */
 export function serverNote({ serverBound }: { readonly serverBound: boolean }): string | null {
   return serverBound ? "The server is slow to draw this scene; your connection is fine." : null;
 }

@@ -6,15 +6,15 @@ import type { ScenePose } from "#viewer/view/camera";
 
 export interface PathDraft {
   readonly name: string;
-  /** In the order of time from 0 on; the last one of a loop is the first again. */
+  /** In order of time, from 0; the last one of a loop repeats the first. */
   readonly keyframes: readonly TimedPose[];
   readonly easing: NamedEasing;
   readonly loop: boolean;
 }
 
-/** The most keyframes that a path may have, the last one of a loop included. */
+/** Maximum number of keyframes in a path, including the last one of a loop. */
 export const MAX_KEYFRAMES = 64;
-/** The time to the next keyframe while there is none to go by, in milliseconds. */
+/** Default time between keyframes, in milliseconds. */
 const USUAL_STEP = 3000;
 
 export function emptyPath(name: string): PathDraft {
@@ -34,7 +34,7 @@ export function stopsOf({ keyframes, loop }: PathDraft): readonly TimedPose[] {
   return loop ? keyframes.slice(0, -1) : keyframes;
 }
 
-/** Adds a pose at the end, as long after the last one as keyframes are apart on average. */
+/** Adds a pose at the end, at the mean time between keyframes after the last one. */
 export function withStop(draft: PathDraft, pose: ScenePose): PathDraft {
   const stops = stopsOf(draft);
   const last = stops.at(-1);
@@ -52,7 +52,7 @@ export function withLoop(draft: PathDraft, loop: boolean): PathDraft {
   return withStops({ ...draft, loop }, stopsOf(draft));
 }
 
-/** Plays all of it faster or slower, to take this many milliseconds. */
+/** Scales the whole path to last this many milliseconds. */
 export function withDuration(draft: PathDraft, duration: number): PathDraft {
   const scale = duration / durationOf(draft);
   return { ...draft, keyframes: draft.keyframes.map((keyframe) => ({ ...keyframe, t_ms: keyframe.t_ms * scale })) };
@@ -66,7 +66,7 @@ function withStops(draft: PathDraft, stops: readonly TimedPose[]): PathDraft {
   return { ...draft, keyframes };
 }
 
-/** The mean time from a keyframe to the next. */
+/** The mean time between keyframes. */
 function stepOf(draft: PathDraft): number {
   return draft.keyframes.length > 1 ? durationOf(draft) / (draft.keyframes.length - 1) : USUAL_STEP;
 }

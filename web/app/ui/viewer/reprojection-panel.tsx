@@ -1,4 +1,4 @@
-/** Settings of reprojection and prediction, and how reprojection is doing. */
+/** Settings of reprojection and prediction, and the status of reprojection. */
 import { turning } from "#viewer/reproject/acceleration";
 import type { ViewerSession } from "#viewer/session/session";
 import { applies } from "#viewer/sources/sides";
@@ -6,7 +6,7 @@ import { settings } from "../../state/app";
 import { milliseconds } from "../format";
 import { Choice, Toggle } from "./setting";
 
-/** Of the view's size, by which frames extend at each side. */
+/** Shares of the view's size by which frames extend at each side. */
 const SHARES = [0, 0.05, 0.1, 0.15, 0.2, 0.25];
 const percent = (share: number) => [String(share), `${Math.round(share * 1000) / 10} %`] as const;
 

@@ -10,7 +10,7 @@ import { reason } from "../hooks";
 import { Notice } from "../notice";
 import { fileName, save } from "../save";
 
-/** The video that is being made, which continues while the settings are closed. */
+/** The video that is being made, which continues while the lab is closed. */
 const job = signal<{ readonly of: Kind; readonly progress: number; readonly cancel: () => void } | null>(null);
 /** Why the last one failed; null otherwise. */
 const problem = signal<{ readonly of: Kind; readonly why: string } | null>(null);

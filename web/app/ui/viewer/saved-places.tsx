@@ -1,4 +1,4 @@
-/** Lists of the scene's saved views and camera paths, and the camera's ways to them. */
+/** Lists of the scene's saved views and camera paths, and functions that take the camera there. */
 import { signal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { travel, travelTo } from "#viewer/control/journey";
@@ -11,13 +11,13 @@ import { QuietButton } from "../button";
 interface Props {
   readonly places: object;
   readonly heading?: string;
-  /** What a choice does. */
+  /** Tooltip of each entry. */
   readonly title: string;
   readonly onChoose: (name: string) => void;
   readonly actions?: (name: string) => ComponentChildren;
 }
 
-/** Nothing without any. */
+/** Renders nothing if there are no entries. */
 export function SavedPlaces({ places, heading, title, onChoose, actions }: Props) {
   if (Object.keys(places).length === 0) return null;
   return (
@@ -37,7 +37,7 @@ export function SavedPlaces({ places, heading, title, onChoose, actions }: Props
   );
 }
 
-/** Flies to a pose, or jumps where motion is unwelcome. */
+/** Flies to a pose, or jumps if the user prefers reduced motion. */
 export function goTo(session: ViewerSession, pose: ScenePose): void {
   if (!matchMedia("(prefers-reduced-motion: reduce)").matches) {
     void travelTo(session, pose);
@@ -47,7 +47,7 @@ export function goTo(session: ViewerSession, pose: ScenePose): void {
   session.rig.place(pose);
 }
 
-/** The visit with the camera that a path moves. */
+/** The visit in which a path moves the camera. */
 export const playing = signal<ViewerSession | null>(null);
 let journeys = 0;
 

@@ -40,7 +40,7 @@ const SCENE: SceneInfo = {
 let session: FakeSession;
 let scenes = 0;
 
-/** The server's part: the scene with the edit. */
+/** Stands in for the server: returns the scene with the edit. */
 async function edited(_: string, { views = {}, paths = {}, camera }: SceneEdit): Promise<SceneInfo> {
   const merged = <Saved,>(now: Record<string, Saved> = {}, change: Record<string, Saved | null>) =>
     Object.fromEntries(

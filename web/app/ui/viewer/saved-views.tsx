@@ -1,4 +1,4 @@
-/** Views that are saved with the scene: save the present one, go to one, rename and delete them. */
+/** Views that are saved with the scene: save the current one, go to one, rename and delete them. */
 import { Pencil, Trash2 } from "lucide";
 import { useState } from "preact/hooks";
 import { ApiError } from "#client/http/problem";
@@ -13,7 +13,7 @@ import { NameQuestion, Question } from "../question";
 import { edit, freeName, MAX_NAME, mayEdit, NameForm, taken } from "./name-form";
 import { goTo, presentPose, SavedPlaces } from "./saved-places";
 
-/** Nothing where the scene cannot be changed. */
+/** Renders nothing if the scene cannot be changed. */
 export function StartView({ session }: { readonly session: ViewerSession }) {
   const { problem, attempt } = useAttempts();
   const scene = session.scene.value;

@@ -5,7 +5,7 @@ import { ViewerControl } from "#viewer/control/viewer-control";
 import { answerParent } from "#viewer/embed/frame-messages";
 import type { ViewerSession } from "#viewer/session/session";
 
-/** Offers both until the function that this returns is called. */
+/** Offers both; returns a function that withdraws them. */
 export function offer(session: ViewerSession): () => void {
   const runner = new Runner(session);
   const withdraw = offerBridge(runner);

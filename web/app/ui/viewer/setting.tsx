@@ -1,4 +1,4 @@
-/** Controls of settings, with label, help and values from their table. */
+/** Controls for settings, with label, help and values from their table. */
 import { type Place, SETTINGS, type Settings } from "#viewer/state/settings";
 import { changeSettings, settings } from "../../state/app";
 import { Check, NumberField, type Options, Select } from "../fields";
@@ -38,13 +38,13 @@ export function Toggle({
 }
 
 interface ListProps extends Props<LabelledName> {
-  /** By default, the table's. */
+  /** Options to choose from; by default the table's. */
   readonly options?: Options;
-  /** Whether the label is left to assistive technology: a heading already says it. */
+  /** Whether only assistive technology gets the label, because a heading already shows it. */
   readonly bare?: boolean;
-  /** Of the side that it is for. */
+  /** Colour of the side that the setting is for. */
   readonly tone?: Place;
-  /** The setting's value for an option's; by default the same. */
+  /** Converts an option's value to the setting's; by default they are the same. */
   readonly parse?: (value: string) => Settings[LabelledName];
   /** The selected option; by default the setting's value. */
   readonly value?: string;
@@ -80,7 +80,7 @@ export function Segments({ name, headed }: { readonly name: ChoiceName; readonly
 interface SegmentListProps {
   readonly name: string;
   readonly label: string;
-  /** Whether the label is shown; else a heading already says it. */
+  /** Whether to show the label; if not, a heading already does. */
   readonly headed?: boolean | undefined;
   readonly choices: readonly {
     readonly title: string;
@@ -110,7 +110,7 @@ export function SegmentList({ name, label, headed, choices }: SegmentListProps) 
   );
 }
 
-/** A setting that is a number; `whole`: rounded. */
+/** A numeric setting, rounded if `whole`. */
 export function NumberSetting({ name, whole = false }: { name: "turnSpeed" | "lockKbps"; whole?: boolean }) {
   const { label, unit, range } = SETTINGS[name];
   const [min, max] = range;

@@ -1,4 +1,4 @@
-/** All measurements: of single pictures with every figure, or else of each side in the same form, then its mode's own. */
+/** All measurements: every figure of single pictures, or else the same figures for each side and then its mode's own. */
 
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
@@ -21,9 +21,9 @@ import { DetailsButton, enhancementNote, Notes, type Said, serverNote } from "./
 
 /** Polling interval of the packager's status, in milliseconds. */
 const ASK_EVERY = 2000;
-/** How often drawn pictures are counted, in milliseconds. */
+/** Interval of counting drawn pictures, in milliseconds. */
 const COUNT_EVERY = 2000;
-/** With fewer a second, no mode can look smooth here. */
+/** With fewer per second, no mode can look smooth. */
 const FEW_PICTURES = 30;
 
 export function Figures({ session, linkNote }: { readonly session: ViewerSession; readonly linkNote: string | null }) {
@@ -108,7 +108,7 @@ function SideHud({ place, title, side, session }: HudProps) {
   );
 }
 
-/** Bottlenecks other than the link: the renderer or encoder, or this computer. */
+/** Bottlenecks other than the link: the renderer or encoder, or this device. */
 function useLimits(side: Side, { rig, presence }: Pick<ViewerSession, "rig" | "presence">): Said {
   const drawn = useDrawn(rig, presence);
   const repeated = useRepeats(side.source.value, presence);

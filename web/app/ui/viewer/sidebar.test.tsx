@@ -169,7 +169,7 @@ test("with a packager its stream is set up by preset, or number by number", asyn
   expect(settings.value.dashFrameRate).toBe(60);
   await user.click(screen.getByRole("radio", { name: "HTTP/3" }));
   expect(settings.value.dashTransport).toBe("h3");
-  expect(screen.getByText(/in chunks of 500 ms/)).toBeTruthy(); // as long as ever, of more frames
+  expect(screen.getByText(/in chunks of 500 ms/)).toBeTruthy(); // the same duration, with more frames
   await user.click(screen.getByRole("radio", { name: "Edge" }));
   expect(screen.getByText(/chunks of one frame, played by a minimal player; target latency 60 ms/)).toBeTruthy();
   await user.click(screen.getByRole("radio", { name: "Custom" }));

@@ -74,7 +74,7 @@ function SideMessage({ side }: { side: Side }) {
   }
 }
 
-/** For a side with its own message. */
+/** State of a side's own connection. */
 function Connection({ state }: { state: ConnectionState | null }) {
   if (state?.status === "connecting") return <Waiting>Connecting…</Waiting>;
   if (state?.status === "full") return <Waiting>The server has no room for a second viewer. Trying again…</Waiting>;
@@ -110,7 +110,7 @@ function Failed({ children }: { children: ComponentChildren }) {
   );
 }
 
-/** That a picture stands still although the camera moved, and for how long. */
+/** Reports for how long a picture has been frozen although the camera moved. */
 export function Freeze({ session }: { session: ViewerSession }) {
   const names = sideTitles(settings.value);
   const frozen = [session.left, session.right.value].flatMap((side, i) => {

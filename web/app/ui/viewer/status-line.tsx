@@ -10,7 +10,7 @@ import { milliseconds } from "../format";
 import { TOUCH, useMedia } from "../hooks";
 import { DetailsButton, enhancementNote, Notes, serverNote } from "./notes";
 
-/** How to move, over the picture, until the first movement. */
+/** Explains how to move, over the picture, until the first movement. */
 export function Hint({ rig }: { readonly rig: Rig }) {
   useEffect(() => onFirstMovement(rig, () => changeSettings({ hint: false })), [rig]);
   const touch = useMedia(TOUCH);
@@ -63,7 +63,7 @@ export function StatusLines({ session, linkNote }: Props) {
 
 interface LineProps {
   readonly side: Side;
-  /** In a comparison. */
+  /** Name of the side in a comparison. */
   readonly name: string | null;
   readonly phase: Phase;
   readonly silent: boolean;

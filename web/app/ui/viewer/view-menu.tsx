@@ -1,4 +1,4 @@
-/** A visitor's settings: how the picture comes about, its quality, dragging and the theme. */
+/** A visitor's settings: how pictures are made, their quality, dragging and the theme. */
 
 import { RotateCcw } from "lucide";
 import type { SceneInfo, ServerConfig } from "#client/wire/render";
@@ -80,7 +80,7 @@ function Picture({ session }: Pick<Props, "session">) {
   );
 }
 
-/** Automatic, or a rung: the sharpest, or one in the middle of the ladder, which comes sooner. */
+/** Automatic, or a rung: the sharpest, or one in the middle of the ladder, which is faster. */
 function Quality() {
   const { controller, profile } = settings.value;
   const fast = Math.floor(ladder.value.length / 2);
@@ -99,10 +99,10 @@ function Quality() {
   return <SegmentList name="quality" label="Quality" headed choices={choices} />;
 }
 
-/** A mode in a visitor's words: how the picture comes about, without the details of its delivery. */
+/** A mode in a visitor's terms: how pictures are made, without the details of their delivery. */
 interface Way {
   readonly title: string;
-  /** The mode that it begins with. */
+  /** The mode that it starts with. */
   readonly mode: Mode;
 }
 
@@ -116,7 +116,7 @@ function wayOf(mode: Mode): Way {
   return [COMPARE, ...HERE].find((way) => way.mode === mode) ?? STREAM;
 }
 
-/** Those that this server offers for the scene, and the present one. */
+/** All ways that this server offers for the scene, and the current one. */
 function waysOffered(settings: Settings, config: ServerConfig | null, scene: SceneInfo): readonly Way[] {
   return [STREAM, COMPARE, ...HERE].filter(
     (way) =>

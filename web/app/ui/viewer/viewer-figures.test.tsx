@@ -20,7 +20,7 @@ vi.mock("#viewer/session/session", () => import("#fakes/visit"));
 
 let session: FakeSession;
 
-/** The parts that are loaded on demand, so that a busy machine shows them in time. */
+/** Loads the parts that are loaded on demand, so that a busy machine shows them in time. */
 beforeAll(async () => {
   await Promise.all([import("./side-figures"), import("./panels"), import("./last-walk")]);
 });

@@ -21,7 +21,7 @@ vi.mock("#viewer/session/session", () => ({
   ViewerSession: class {
     constructor(...options: unknown[]) {
       visits.opened.push(options);
-      // biome-ignore lint/correctness/noConstructorReturn: the test's own session in place of one that connects
+      // biome-ignore lint/correctness/noConstructorReturn: the test's session instead of a connecting one
       return visits.next as object;
     }
   },
@@ -29,7 +29,7 @@ vi.mock("#viewer/session/session", () => ({
 
 let session: FakeSession;
 
-/** The parts that are loaded on demand, so that a busy machine shows them in time. */
+/** Loads the parts that are loaded on demand, so that a busy machine shows them in time. */
 beforeAll(async () => {
   const parts = [import("../experiment/experiment-dialog"), import("./side-figures"), import("./help")];
   await Promise.all([...parts, import("./panels"), import("./scripts"), import("./view-menu")]);
@@ -174,7 +174,7 @@ test("a dialog gives the focus back to its button, and the settings give it to t
   help.focus();
   await user.keyboard("{Enter}");
   await screen.findByRole("dialog");
-  await user.keyboard("{Enter}"); // on its button to close it, which is first
+  await user.keyboard("{Enter}"); // on its close button, which is first
   await waitFor(() => expect(screen.queryByRole("dialog")).toBeNull());
   expect(document.activeElement).toBe(help);
   await user.keyboard("p");

@@ -26,7 +26,7 @@ const WalkVerdict = lazy(async () => (await import("./last-walk")).WalkVerdict, 
 
 interface Props {
   readonly sceneId: string;
-  /** That the URL asks for. */
+  /** Settings and pose requested by the URL. */
   readonly asked: Asked;
   /** Unknown values in the link. */
   readonly unknown?: readonly string[] | undefined;
@@ -105,7 +105,7 @@ export function Viewer({ sceneId, asked, unknown, bare = false }: Props) {
     fullscreen: fullscreen.toggle,
   };
   const note = linkNote(asked, unknown, live?.scene.value);
-  /** Attributes of the stage: the whole viewer would be rendered with each of their changes. */
+  /** Attributes of the stage, computed so that their changes do not render the whole viewer again. */
   const stats = useComputed(() => session.value?.source.value?.stats.value);
   const sources = useComputed(() => session.value?.sources.value);
   const frames = useComputed(() => stats.value?.shown);
@@ -131,7 +131,7 @@ export function Viewer({ sceneId, asked, unknown, bare = false }: Props) {
         <div
           class="stage"
           ref={stage}
-          // biome-ignore lint/a11y/noNoninteractiveTabindex: an application is where keys go
+          // biome-ignore lint/a11y/noNoninteractiveTabindex: an application receives the keys
           tabIndex={0}
           role="application"
           aria-label={`${name}: arrow keys turn, W A S D walk, Space and Shift move up and down, H shows help`}
@@ -177,14 +177,14 @@ export function Viewer({ sceneId, asked, unknown, bare = false }: Props) {
   );
 }
 
-/** Offers `window.tigas` once its code is loaded, until the function that this returns is called. */
+/** Offers `window.tigas` once its code is loaded; returns a function that withdraws it. */
 function offerScripts(session: ViewerSession): () => void {
   let withdraw: (() => void) | null = () => undefined;
   import("./scripts").then(
     ({ offer }) => {
       if (withdraw) withdraw = offer(session);
     },
-    () => undefined, // the page says that it is outdated
+    () => undefined, // the page reports that it is outdated
   );
   return () => {
     withdraw?.();
@@ -192,7 +192,7 @@ function offerScripts(session: ViewerSession): () => void {
   };
 }
 
-/** The link's settings, stored like those chosen by the user. */
+/** Applies the link's settings, which are stored like the user's own. */
 function choose(asked: Asked): void {
   changeSettings(linkedSettings(asked));
   if (asked.reprojection === "on") turning.value = "forced";
