@@ -2,7 +2,7 @@
 import type { Arrival } from "../transport/transport";
 import type { Rung, ServerTiming } from "../wire/render";
 
-/** Always the rung that a person chose: no adaptation. */
+/** No adaptation: always the rung that the user chose. */
 export class FixedController implements Controller {
   readonly #rung: number;
 
@@ -25,17 +25,17 @@ export const WAYS = ["stale", "rotation", "depth", "predicted"] as const;
 export type Way = (typeof WAYS)[number];
 
 export interface Observation {
-  /** The rung that it was rendered at; null where the server does not say. */
+  /** The rung at which it was rendered; null if the server does not report it. */
   readonly profile: number | null;
-  /** When it was asked for and when its bytes came, and how many. */
+  /** Times of its request and its bytes, and their number. */
   readonly arrival: Arrival;
-  /** Where the server's time went, in milliseconds; null where the server does not say. */
+  /** Breakdown of the server's time, in milliseconds; null if the server does not report it. */
   readonly server: ServerTiming | null;
   /** The link's throughput in bits per second (ThroughputEstimator), or null while unknown. */
   readonly throughput: number | null;
-  /** Requests that are under way besides this one. */
+  /** Number of other requests in flight. */
   readonly inFlight: number;
-  /** How fast the camera turns, in degrees a second. */
+  /** How fast the camera turns, in degrees per second. */
   readonly turning: number;
   /** How the page shows a frame that is older than the view. */
   readonly way: Way;
@@ -46,10 +46,10 @@ export interface Observation {
 export interface Controller {
   /**
    * The ladder's rung for the next frame; 0 is the best. Called once per animation frame with its time `now` on the
-   * page's clock in milliseconds; the answer commits to nothing.
+   * page's clock in milliseconds; the answer is not binding.
    */
   decide(now: number): number;
-  /** Once per frame that came, in the order in which they came. */
+  /** Called once per received frame, in order of arrival. */
   observe(observation: Observation): void;
 }
 
@@ -67,7 +67,7 @@ export function responseTime({ arrival }: Pick<Observation, "arrival">): number 
   return arrival.lastByteAt - arrival.sentAt;
 }
 
-/** All of a frame's time in the server, in milliseconds; 0 where it does not say. */
+/** Total time of a frame in the server, in milliseconds; 0 if it is unknown. */
 export function serverTime({ server }: Pick<Observation, "server">): number {
   return server === null ? 0 : server.queue + server.render + server.encode;
 }

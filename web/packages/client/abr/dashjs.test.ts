@@ -8,13 +8,13 @@ import { LolpController } from "./lolp";
 import { seeded } from "./random";
 import { SAFETY, TARGET_LATENCY } from "./segments";
 
-/** Of the paper's ladder at 60 requests a second, the lowest first. */
+/** Bitrates of the paper's ladder at 60 requests per second, lowest first. */
 const RATES = PAPER_LADDER.map(({ expected_kb }) => expected_kb * 1000 * 8 * 60).toReversed();
 const LEAST = 20;
 
 afterEach(() => vi.restoreAllMocks());
 
-/** A link and a queue that wander; now and then both jump. */
+/** A drifting link and queue, which occasionally jump. */
 function* walk(count: number, seed: number, least = 2e6): Generator<{ throughput: number; response: number }> {
   const random = seeded(seed);
   let throughput = 40e6;
@@ -54,7 +54,7 @@ describe("LoL+", () => {
     vi.spyOn(Math, "random").mockImplementation(random);
     return { ours, theirs: await DashLolp.create(RATES, SAFETY) };
   };
-  /** One frame through both; the indices of the bitrates that they choose. */
+  /** Feeds one frame to both; returns the indices of the bitrates that they choose. */
   const step = ({ ours, theirs }: Awaited<ReturnType<typeof both>>, throughput: number, response: number) => {
     ours.observe(frame(ours.decide(), throughput, response));
     return [RATES.length - 1 - ours.decide(), theirs.segment(segment(throughput, response))] as const;
@@ -81,8 +81,8 @@ describe("LoL+", () => {
       step(near, throughput, response);
       far.observe(frame(far.decide(), throughput, response + 300));
     }
-    expect(far.learned.neurons[0]?.[0]).not.toBe(near.ours.learned.neurons[0]?.[0]); // its latencies are others,
-    expect(far.learned.neurons[0]?.[0]).toBeCloseTo(near.ours.learned.neurons[0]?.[0] ?? 0, 1); // and not its buffer
+    expect(far.learned.neurons[0]?.[0]).not.toBe(near.ours.learned.neurons[0]?.[0]); // its latencies differ,
+    expect(far.learned.neurons[0]?.[0]).toBeCloseTo(near.ours.learned.neurons[0]?.[0] ?? 0, 1); // but not its buffer
   });
 
   test("deviation: bitrates are those that frames have, not a manifest's", () => {

@@ -1,6 +1,6 @@
 /**
- * The time between animation frames, as they come: the median of the last ones, which the gap of a hidden page does not
- * change. 60 a second until some have come.
+ * The interval between animation frames: the median of the last ones, which the gap of a hidden page does not change.
+ * 60 per second until some have arrived.
  */
 
 const SAMPLES = 31;
@@ -10,10 +10,10 @@ const AT_60_HZ = 1000 / 60;
 export class FrameClock {
   #last: number | undefined;
   readonly #intervals: number[] = [];
-  /** The same ones, ascending: several clocks tick in each animation frame. */
+  /** The same intervals, kept sorted because several clocks tick in each animation frame. */
   readonly #sorted: number[] = [];
 
-  /** An animation frame, in milliseconds; times never go back. */
+  /** Records the time of an animation frame, in milliseconds; times never decrease. */
   tick(now: number): void {
     const interval = now - (this.#last ?? now);
     this.#last = now;
@@ -24,7 +24,7 @@ export class FrameClock {
     this.#sorted.splice(above < 0 ? this.#sorted.length : above, 0, interval);
   }
 
-  /** Milliseconds. */
+  /** The interval in milliseconds. */
   get interval(): number {
     const { length } = this.#sorted;
     return (length >= ENOUGH && this.#sorted[length >> 1]) || AT_60_HZ;

@@ -28,7 +28,7 @@ export function projectToSimplex(point: readonly number[]): number[] {
 }
 
 export interface L2aParameters {
-  /** Segments that it takes to converge. */
+  /** Number of segments to converge. */
   readonly horizon: number;
   /** How strongly Q reacts to an overestimate. */
   readonly react: number;
@@ -39,9 +39,9 @@ export interface L2aParameters {
 /** The authors' values. */
 export const L2A: L2aParameters = { horizon: 4, react: 2, target: TARGET_MS };
 
-/** Q stops here. Doubled without end it overflows after a thousand frames that were too large for the link, for good. */
+/** Upper bound of Q. Doubled without limit, it would overflow for good after a thousand frames too large for the link. */
 const MAX_Q = 1e6;
-/** A shorter reception says more about the clock than about the link, in milliseconds. */
+/** A shorter reception measures the clock rather than the link, in milliseconds. */
 const MIN_DURATION = 2;
 
 /** The state after a step; bitrates ascend. */

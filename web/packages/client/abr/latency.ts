@@ -11,19 +11,19 @@ import { type Controller, type ControllerContext, type Observation, responseTime
 import { FrameSizes } from "./sizes";
 import { RecentAverage } from "./throughput";
 
-/** The longest completion time to go up to, in milliseconds; from the paper. */
+/** The longest completion time at which it goes up, in milliseconds; from the paper. */
 const T_TARGET = 100;
-/** Above this it goes down, in milliseconds; the paper says only that it is more than T_TARGET. */
+/** The completion time above which it goes down, in milliseconds; the paper only says that it exceeds T_TARGET. */
 const T_MARGIN = 120;
 /** Frames in a row that must agree; from the paper. */
 const HOLD = 3;
-/** A faster turn is rapid panning, in degrees a second; the paper gives no number. */
+/** A faster turn is rapid panning, in degrees per second; the paper gives no number. */
 export const RAPID_PANNING = 90;
 
 /** Observes every frame and returns the throughput in bits per second, or null while it is unknown. */
 export type ThroughputReading = (observation: Observation) => number | null;
 
-/** A frame's own bytes over the time from asking for it to its last byte: the average of the last five. */
+/** A frame's own bytes over the time from its request to its last byte, averaged over the last five. */
 export function perRequest(): ThroughputReading {
   const average = new RecentAverage();
   return (observation) => {
@@ -45,11 +45,11 @@ export class LatencyController implements Controller {
   readonly #target: number;
   readonly #margin: number;
   #rung: number;
-  /** The change that the last frames agree on: -1 to a better rung, 1 to a lesser one. */
+  /** The change that the last frames agree on: -1 to a better rung, 1 to a worse one. */
   #wanted: -1 | 0 | 1 = 0;
   #agreeing = 0;
 
-  /** `target` in milliseconds: another T_TARGET, for comparisons at equal quality; T_MARGIN keeps its proportion. */
+  /** `target` replaces T_TARGET, in milliseconds, for comparisons at equal quality; T_MARGIN scales with it. */
   constructor({ ladder }: Pick<ControllerContext, "ladder">, throughput: ThroughputReading, target: number = T_TARGET) {
     this.#throughput = throughput;
     this.#sizes = new FrameSizes(ladder);

@@ -4,7 +4,7 @@
  * the average change from frame to frame. All in milliseconds.
  */
 
-/** The least of the values of the last milliseconds. */
+/** The minimum of the values of the last milliseconds. */
 export class RecentMinimum {
   readonly #span: number;
   /** Possible minima: ascending in time and value. */
@@ -15,7 +15,7 @@ export class RecentMinimum {
     this.#span = span;
   }
 
-  /** A value at a time that never goes back; returns the least, which may be this one. */
+  /** Adds a value at a time that never decreases; returns the minimum, which may be this value. */
   add(value: number, at: number): number {
     this.#values = this.#values.filter((older) => older.at > at - this.#span && older.value < value);
     this.#values.push({ at, value });
@@ -26,14 +26,14 @@ export class RecentMinimum {
 /** Window of the minimum, in milliseconds. */
 const SPAN = 10_000;
 const ALPHA = 0.3;
-/** As RFC 3550 has it. */
+/** The gain of RFC 3550. */
 const JITTER_ALPHA = 1 / 16;
 /** Minimum number of frames in an average. */
 const ENOUGH = 5;
 
 export class LinkDelay {
   readonly #least = new RecentMinimum(SPAN);
-  /** Of the last ones. */
+  /** Mean delay of the last frames. */
   average = 0;
   #last: number | undefined;
   #queue = 0;
@@ -53,7 +53,7 @@ export class LinkDelay {
     return this.#queue;
   }
 
-  /** The frames that come now are others: average them anew. */
+  /** Restarts the averages, since different frames follow. */
   restart(): void {
     this.frames = 0;
     this.#queue = 0;

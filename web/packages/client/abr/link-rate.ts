@@ -1,14 +1,14 @@
 /**
- * Rate at which frames get through: their bytes per time that the link kept them, over about the last second.
+ * Rate at which frames get through: their bytes over the time that the link held them, over about the last second.
  *
- * A frame's own first and last byte say little where a link stops and goes, or where a busy page reads all bytes of a
- * frame at once. But frames that come further apart than they were asked for have waited: for each, the link needed the
- * rest of the interval, and no more than its delay beyond the least one. Where frames come as fast as they were asked
- * for, only their transmission counts.
+ * A frame's own first and last byte say little on a bursty link, or where a busy page reads all bytes of a frame at
+ * once. But frames that arrive further apart than they were requested have waited: for each, the link needed the rest
+ * of the interval, and no more than its delay above the minimum. Where frames arrive as fast as they were requested,
+ * only their transmission counts.
  */
 import { RecentMinimum } from "./link-delay";
 
-/** Window of the least delay, and time constant of the average, in milliseconds. */
+/** Window of the minimum delay, and time constant of the average, in milliseconds. */
 const SPAN = 10_000;
 const MEMORY = 1000;
 
@@ -18,7 +18,7 @@ export interface FrameOnLink {
   readonly network: number;
   /** Estimated duration of its transmission, in milliseconds. */
   readonly transmission: number;
-  /** Interval at which frames are asked for and made, in milliseconds. */
+  /** Interval at which frames are requested and made, in milliseconds. */
   readonly pace: number;
   readonly at: number;
 }

@@ -58,7 +58,7 @@ export class SelfOrganisingMap {
 }
 
 /**
- * The first weights, before there is anything to choose them by: centres are spread over count² random points as k-means++
+ * The initial weights, with nothing to choose them by yet: centres are spread over count² random points as k-means++
  * spreads them (each the point farthest from those before), the least similar comes first, the others by their distance from
  * it, and the last is taken.
  */
@@ -99,7 +99,7 @@ export function qoe(bitrate: number, rebuffering: number, latency: number, rates
   return SEGMENT * bitrate - highest * rebuffering - latencyPenalty * latency;
 }
 
-/** How long a segment of a bitrate takes. */
+/** How long a segment of a bitrate takes to download. */
 export function downloadTime(bitrate: number, throughput: number): number {
   return (bitrate * SEGMENT) / throughput;
 }
@@ -149,7 +149,7 @@ export function bestWeights(question: WeightSearch): Weights | null {
 export interface LolpParameters {
   /** Target latency, in milliseconds. */
   readonly target: number;
-  /** Share of the throughput that is trusted. */
+  /** Trusted share of the throughput. */
   readonly safety: number;
   /** A buffer below this many seconds is low. */
   readonly minBuffer: number;
@@ -160,7 +160,7 @@ export interface LolpParameters {
 /** The authors' values. */
 export const LOLP: LolpParameters = { target: TARGET_MS, safety: SAFETY, minBuffer: 0.3, learningRate: 0.01 };
 
-/** Latency is divided by this to be a feature. */
+/** Divides latency to make a feature of it. */
 const LATENCY_NORM = 100;
 /** A bitrate must be this much below the throughput, in bits per second. */
 const THROUGHPUT_DELTA = 10_000;
@@ -232,7 +232,7 @@ export class LolpController implements Controller {
     return bestWeights({ rates, latencies, throughput, buffer, minBuffer });
   }
 
-  /** The throughput as a feature: more than all bitrates together is as much as the highest neuron has. */
+  /** The throughput as a feature; if it exceeds the norm of all bitrates, the feature of the highest neuron. */
   #target(rates: readonly number[], throughput: number): number {
     const normalised = throughput / norm(rates);
     return normalised > 1 ? Math.max(...this.#map.neurons.map(([learned]) => learned)) : normalised;
@@ -251,7 +251,7 @@ export class LolpController implements Controller {
   }
 }
 
-/** Divides bitrates to make features of them: where all frames are larger or smaller than expected, features stay the same. */
+/** Divides bitrates to make features of them, which stay the same if all frames are larger or smaller than expected. */
 function norm(rates: readonly number[]): number {
   return Math.hypot(...rates);
 }

@@ -3,24 +3,24 @@
  * with its true size once it has arrived, so requests are spread evenly and any excess is waited out.
  */
 
-/** How much the newest frame counts in the usual size. */
+/** Weight of the newest frame in the usual size. */
 const NEWEST = 0.2;
 /** Assumed interval between the first frames, in milliseconds. */
 const GUESSED_APART = 50;
-/** More are never under way: those before them will not come. */
+/** The most frames in flight: earlier ones will not arrive. */
 const MOST = 64;
 
 export class RateCap {
   /** Bytes ahead of the rate; negative when there are savings. */
   #ahead = 0;
-  /** Of a frame, in bytes; 0 until one has come. */
+  /** Usual size of a frame, in bytes; 0 until one has arrived. */
   #usual = 0;
   #guess = 0;
   /** Bytes counted for frames that have not arrived. */
   readonly #charged: number[] = [];
   #at = 0;
 
-  /** Whether another frame may be asked for; `kbps`: null is no cap. Time is in milliseconds. */
+  /** Whether another frame may be requested; a null `kbps` is no cap. Time is in milliseconds. */
   allows(kbps: number | null, now: number): boolean {
     const elapsed = now - this.#at;
     this.#at = now;
@@ -30,7 +30,7 @@ export class RateCap {
     return this.#ahead <= 0;
   }
 
-  /** A frame was asked for. */
+  /** Records a request for a frame. */
   asked(): void {
     const size = this.#usual || this.#guess;
     this.#ahead += size;
@@ -38,7 +38,7 @@ export class RateCap {
     if (this.#charged.length > MOST) this.#charged.shift();
   }
 
-  /** A requested frame has arrived; frames that never arrive have been counted all the same. */
+  /** Corrects the count for a frame that has arrived; frames that never arrive stay counted. */
   came(bytes: number): void {
     this.#ahead += bytes - (this.#charged.shift() ?? 0);
     this.#usual = this.#usual === 0 ? bytes : this.#usual + NEWEST * (bytes - this.#usual);

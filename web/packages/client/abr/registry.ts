@@ -11,7 +11,7 @@ import { LolpController } from "./lolp";
 import { SeenController } from "./seen";
 
 interface Entry {
-  /** As a person reads it. */
+  /** Name on the page. */
   readonly title: string;
   readonly create: ControllerFactory;
 }

@@ -1,6 +1,6 @@
 /**
  * Error of the seen picture against the ideal one, as measured in rendered pictures (docs/results/2026-11-seen-error.md).
- * It has two causes, rung and age, and the lesser one hides behind the greater: blur is hardly visible in a picture that
+ * It has two causes, rung and age, and the greater one masks the lesser: blur is hardly visible in a picture that
  * is out of place. Their mean squared errors, and their losses of SSIM, are therefore combined as norms of the degrees DEGREES.
  * The simulator judges controllers by it, and *Seen* decides by it.
  */
@@ -8,7 +8,7 @@ import type { Rung } from "../wire/render";
 import type { Way } from "./controller";
 import table from "./seen-error.json";
 
-/** How far off a picture is. */
+/** Error of a picture. */
 export interface Seen {
   /** Mean squared error of 8-bit RGB. */
   readonly mse: number;
@@ -17,7 +17,7 @@ export interface Seen {
 
 type Points = readonly (readonly [x: number, y: number])[];
 
-/** Points of both errors by the angle, for each way. */
+/** Measured points of both errors by angle, for each way. */
 const LATE = Object.fromEntries(
   Object.entries(table.late).map(([way, late]) => {
     const of = (name: keyof Seen, none: number): Points => [
@@ -29,7 +29,7 @@ const LATE = Object.fromEntries(
 ) as Record<Way, Readonly<Record<keyof Seen, Points>>>;
 
 const PEAK = 255 ** 2;
-/** Fit frames that have both best. */
+/** The degrees that best fit frames with both errors. */
 const DEGREES = { mse: 1.5, ssim: 3 };
 /** Lower bound: two unrelated pictures. */
 const LEAST_SSIM = 0.2;
@@ -50,7 +50,7 @@ export function seenLate(way: Way, degrees: number): Seen {
   return { mse: along(mse, degrees), ssim: along(ssim, degrees) };
 }
 
-/** Of a picture that has both faults. */
+/** Error of a picture with both faults. */
 export function together(a: Seen, b: Seen): Seen {
   const mse = norm(a.mse, b.mse, DEGREES.mse);
   const loss = norm(1 - a.ssim, 1 - b.ssim, DEGREES.ssim);
@@ -65,7 +65,7 @@ export function decibels(mse: number): number {
   return 10 * Math.log10(PEAK / Math.max(mse, 1e-6));
 }
 
-/** Straight between points in ascending order, and flat beyond them. */
+/** Interpolates linearly between points in ascending order; constant beyond them. */
 function along(points: Points, x: number): number {
   const i = points.findIndex((point) => point[0] >= x);
   const right = points[i] ?? points.at(-1);

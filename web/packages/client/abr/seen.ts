@@ -14,7 +14,7 @@
  * packets of a frame equally whether there are two or twenty. Without reprojection the user feels the age of frames as
  * latency, so it also costs LATENCY · age(ℓ).
  *
- * Rungs with longer intervals than LONGEST are worse than all others. It goes down as far as needed, at once if that is
+ * Rungs with intervals longer than LONGEST are worse than all others. It goes down as far as needed, at once if that is
  * better by URGENT, or else once it has been better by MARGIN for LASTING. It goes up once that has been better by
  * MARGIN for a while even on a link with CAUTION times the rate: by one rung, or back to one that it had to leave;
  * reverting an upgrade early doubles the wait before the next one. It starts with a rung whose frames fit into QUIC's
@@ -36,7 +36,7 @@ import { decibels, type Seen, seenLate, seenOfRung, together } from "./seen-erro
 import { ServerTimes } from "./server-times";
 import { FrameSizes } from "./sizes";
 
-/** Upper ends of the classes, and the speeds that stand for them, in degrees a second. */
+/** Upper bounds of the classes, and the speeds that represent them, in degrees per second. */
 const ENDS = [2, 7, 15, 27, 47, 80, 140, Number.POSITIVE_INFINITY];
 const SPEEDS = [1, 4, 10, 20, 35, 60, 100, 180];
 /** Time constant of the average, in milliseconds. */
@@ -46,7 +46,7 @@ export class TurningSpeeds {
   #shares: readonly number[] = SPEEDS.map(() => 1 / SPEEDS.length);
   #at = Number.NEGATIVE_INFINITY;
 
-  /** A speed in degrees a second, at a time in milliseconds. */
+  /** Records a speed in degrees per second, at a time in milliseconds. */
   observe(speed: number, at: number): void {
     const kept = Math.exp((this.#at - at) / MEMORY);
     this.#at = at;
@@ -60,15 +60,15 @@ export class TurningSpeeds {
   }
 }
 
-/** Decibels that an SSIM of 1 is worth. */
+/** Value of an SSIM of 1, in decibels. */
 const WEIGHT = 150;
 /** Minimum gain of another rung, in decibels. */
 const MARGIN = 0.8;
-/** A gain that a downgrade does not wait for, in decibels. */
+/** Gain at which a downgrade happens at once, in decibels. */
 const URGENT = 4;
-/** Lesser gains of a downgrade must have lasted for this many milliseconds. */
+/** Smaller gains of a downgrade must last for this many milliseconds. */
 const LASTING = 2000;
-/** Decibels that a millisecond is worth without reprojection. */
+/** Cost of a millisecond without reprojection, in decibels. */
 const LATENCY = 0.02;
 /** Share of the rate that an upgrade may count on. */
 const CAUTION = 0.75;
@@ -83,12 +83,12 @@ const JUDGED = 5;
 const LONG = 500;
 /** Longest duration of the beginning, in milliseconds: QUIC needs several round trips to find the link's capacity. */
 const BEGINNING = 2000;
-/** Largest upgrade in the beginning, in rungs; as many frames come before each. */
+/** Largest upgrade in the beginning, in rungs; as many frames precede each. */
 const FIRST_STEP = 2;
 /** An upgrade must have been better for this long, in milliseconds; MAX_HOLD is the limit after failures. */
 const MIN_HOLD = 500;
 const MAX_HOLD = 8000;
-/** An upgrade that is taken back within this many milliseconds has failed. */
+/** An upgrade that is reverted within this many milliseconds has failed. */
 const PROVEN = 2000;
 
 /** Expected quality of a rung on the screen, in decibels. */
@@ -107,7 +107,7 @@ export class SeenController implements Controller {
   #begunAt: number | undefined;
   #changedAt = Number.NEGATIVE_INFINITY;
   #upgradedAt = Number.NEGATIVE_INFINITY;
-  /** The best rung that it had to leave and has not come back to. */
+  /** The best rung that it had to leave and has not returned to. */
   #left = Number.POSITIVE_INFINITY;
   #worseSince: number | undefined;
   #possibleSince: number | undefined;
@@ -181,7 +181,7 @@ export class SeenController implements Controller {
     return best.rung;
   }
 
-  /** Goes to the best of the lesser rungs if that is much better, or has been better for long enough; whether it did. */
+  /** Goes to the best of the lower rungs if that is much better, or has been better for long enough; returns whether it did. */
   #lower(utility: Utility, now: number): boolean {
     const best = this.#best(utility, this.#rung + 1, this.#pictures.length - 1);
     if (best === this.#rung) {

@@ -8,9 +8,9 @@
  */
 import type { Rung, ServerTiming } from "../wire/render";
 
-/** Milliseconds a frame. */
+/** Milliseconds per frame. */
 export interface ServerTime {
-  /** All of it, waiting included. */
+  /** Total time, including waiting. */
   readonly total: number;
   /** Time in the slowest stage, which bounds the frame rate. */
   readonly stage: number;

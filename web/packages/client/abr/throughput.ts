@@ -14,11 +14,11 @@
  */
 import type { Arrival } from "../transport/transport";
 
-/** Frames without a long enough measurement are dropped after this many. */
+/** The most frames that are summed for one measurement. */
 const TOGETHER = 30;
-/** How many measurements of a frame each make an estimate. */
+/** Number of measurements in an estimate. */
 const SAMPLES = 5;
-/** Shorter measurements say more about the clock than about the link; they are added up until they are long enough (ms). */
+/** Shorter measurements measure the clock rather than the link; they are added up until they are long enough (ms). */
 const MIN_DURATION = 2;
 
 /** The exponential moving average (α = 0.3) of the last five values, as the paper has it. */
@@ -39,7 +39,7 @@ export class ThroughputEstimator {
   #bytes = 0;
   #duration = 0;
   #frames = 0;
-  /** Frames that came too fast to measure, since the last measurement or bound, and all of their bytes. */
+  /** Number and bytes of frames that arrived too fast to measure, since the last measurement or bound. */
   #fast = 0;
   #fastBytes = 0;
 

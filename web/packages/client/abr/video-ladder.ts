@@ -17,15 +17,15 @@ export interface VideoStep extends Rung {
 
 /** Frame rate assumed by the bit rate; each frame gets its share at any actual frame rate. */
 const FRAMES_PER_S = 60;
-/** Bits of the largest size's pixels at the best step: little is left to gain, also where few frames come and each shows much that is new. */
+/** Bits per pixel of the largest size at the best step: more gains little, even where few frames arrive and each shows much that is new. */
 const BEST = 0.16;
-/** With fewer bits for its pixels, a size gives way to the next smaller one: about a JPEG of quality 35 (docs/adaptation.md), and the last step. */
+/** Bits per pixel below which a size gives way to the next smaller one: about a JPEG of quality 35 (docs/adaptation.md); also the last step's. */
 const LEAST = 0.04;
-/** Each step's share of the bytes of the one before. */
+/** Each step's bytes as a share of the previous step's. */
 const APART = 0.7;
-/** How many times as many bytes a JPEG of the same error has (docs/results/2026-11-video.md). */
+/** Ratio of the bytes of a JPEG with the same error (docs/results/2026-11-video.md). */
 const JPEG = 7;
-/** In kbit/s: the server takes no lower rate. */
+/** The lowest rate that the server accepts, in kbit/s. */
 const LOWEST = 10;
 
 /** Steps, best first, with the sizes of the server's ladder from rung `first` on; empty without rungs. */
@@ -49,7 +49,7 @@ export function videoLadder(ladder: readonly Rung[], first = 0): readonly VideoS
   return steps;
 }
 
-/** The only step there is where the bit rate is given: with the size that the ladder has for that rate; none without rungs. */
+/** The single step for a given bit rate, with the size that the ladder has for it; none without rungs. */
 export function stepOfBitrate(ladder: readonly Rung[], bitrate_kbps: number): readonly VideoStep[] {
   const steps = videoLadder(ladder);
   const like = steps.find(({ video }) => video.bitrate_kbps <= bitrate_kbps) ?? steps.at(-1);

@@ -1,8 +1,8 @@
-/** `AbortSignal.any` for Safari before 17.4, which has none. */
+/** `AbortSignal.any` for Safari before 17.4, which lacks it. */
 
 AbortSignal.any ??= anyOf;
 
-/** A signal that is aborted with the first of `signals`, for its reason. */
+/** A signal that aborts with the first of `signals`, for the same reason. */
 export function anyOf(signals: Iterable<AbortSignal>): AbortSignal {
   const either = new AbortController();
   for (const signal of signals) {

@@ -1,4 +1,4 @@
-/** Attempts again after failures, with pauses that grow and vary. */
+/** Retries after failures, with growing, random pauses. */
 
 /** Waits for this many milliseconds; rejects with the signal's reason if aborted. */
 export function sleep(milliseconds: number, signal: AbortSignal): Promise<void> {
@@ -18,12 +18,12 @@ export function sleep(milliseconds: number, signal: AbortSignal): Promise<void> 
 
 export interface RetryOptions {
   readonly signal: AbortSignal;
-  /** Attempts after the first; by default without end. */
+  /** Attempts after the first; by default unlimited. */
   readonly retries?: number;
   /** First and longest pause, in milliseconds. */
   readonly minTimeout?: number;
   readonly maxTimeout?: number;
-  /** Ratio of a pause to the one before; each is up to twice as long, at random. */
+  /** Ratio of a pause to the previous one; each is up to twice as long, at random. */
   readonly factor?: number;
   readonly onFailedAttempt?: (error: unknown) => void;
   /** Whether another attempt may help; by default always. */

@@ -1,4 +1,4 @@
-/** Calls a worker by id → promise. */
+/** Calls to a worker, by id → promise. */
 import { type Deferred, deferred } from "./deferred";
 
 export interface WorkerCall<Request> {
@@ -39,7 +39,7 @@ export class WorkerCalls<Request, Value> {
     worker.onerror = (event) => this.#fail(new Error(event.message || "a worker could not be started"));
   }
 
-  /** Rejects with an Error that has the name and the message of the worker's. */
+  /** Rejects with an Error that has the name and message of the worker's error. */
   call(request: Request, transfer: Transferable[] = []): Promise<Value> {
     if (this.#failed) return Promise.reject(this.#failed);
     const waiting = deferred<Value>();

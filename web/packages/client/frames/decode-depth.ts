@@ -2,13 +2,13 @@
 import type { DepthMap } from "../transport/transport";
 
 /**
- * The depth that a frame carries, where every other reader skips it: a JPEG's first segment after its start, APP9, with an identifier,
+ * The depth that a frame carries, in a place that other readers skip: a JPEG's first segment after its start, APP9, with an identifier,
  * or a WebP's last chunk, TDEP. It has the inverse depth of code 255 as a big-endian float32, and an image of codes.
  */
 const IDENTIFIER = new TextEncoder().encode("tigas:depth\0");
 const START_OF_IMAGE = 0xffd8;
 const APP9 = 0xffe9;
-/** Of the start of the image, the marker and the segment's length, which counts itself. */
+/** Bytes of the image's start, the marker, and the segment's length, which counts itself. */
 const MARKER_BYTES = 4;
 const LENGTH_BYTES = 2;
 const IMAGE_AT = MARKER_BYTES + LENGTH_BYTES + IDENTIFIER.length + 4;
@@ -25,11 +25,11 @@ export interface DepthSegment {
 
 const RIFF = 0x52494646;
 const TDEP = 0x54444550;
-/** Of a chunk's name and length, and of the name of the first one's content. */
+/** Bytes of a chunk's name and length, and of the name of the first one's content. */
 const CHUNK_BYTES = 8;
 const FORM_BYTES = 4;
 
-/** Reads a JPEG's first bytes, or a whole WebP; null if there is no depth in them, or none that makes sense. */
+/** Reads a JPEG's first bytes, or a whole WebP; null if they contain no valid depth. */
 export function readDepthSegment(frame: Uint8Array<ArrayBuffer>): DepthSegment | null {
   if (frame.length <= IMAGE_AT) return null;
   const view = new DataView(frame.buffer, frame.byteOffset, frame.length);
@@ -52,7 +52,7 @@ function inWebp(webp: Uint8Array<ArrayBuffer>, view: DataView): DepthSegment | n
   return null;
 }
 
-/** With an image from `begin` to `end`, after the inverse depth. */
+/** The depth with an image from `begin` to `end`, preceded by the inverse depth. */
 function depthAt(begin: number, end: number, frame: Uint8Array<ArrayBuffer>, view: DataView): DepthSegment | null {
   const nearest = view.getFloat32(begin - 4);
   if (end <= begin || end > frame.length || !Number.isFinite(nearest) || nearest < 0) return null;
@@ -62,7 +62,7 @@ function depthAt(begin: number, end: number, frame: Uint8Array<ArrayBuffer>, vie
 /** No side of a coarse depth is longer; every graphics processor takes such an image. */
 const MOST_SIDE = 1024;
 
-/** Null if the frame has none, or none that can be read: a frame without depth is still a frame. */
+/** Null if the frame has no readable depth: a frame without depth is still a frame. */
 export async function decodeDepth(frame: Blob): Promise<DepthMap | null> {
   try {
     const part = frame.type === "image/webp" ? frame : frame.slice(0, DEPTH_SEGMENT_BYTES); // a JPEG's is at its start
@@ -73,7 +73,7 @@ export async function decodeDepth(frame: Blob): Promise<DepthMap | null> {
   }
 }
 
-/** Throws if it is no image, or too large a one. */
+/** Throws if it is not an image, or too large. */
 async function grayValues(encoded: Uint8Array<ArrayBuffer>): Promise<Omit<DepthMap, "nearest">> {
   // The values are codes, not colours, and must not be colour-managed.
   const image = await createImageBitmap(new Blob([encoded]), {

@@ -1,4 +1,4 @@
-/** Any bytes at the start of a frame yield a usable depth, or none. */
+/** Any bytes at the start of a frame yield a usable depth or null. */
 
 import fc from "fast-check";
 import { expect, test } from "vitest";

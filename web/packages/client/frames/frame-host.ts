@@ -24,7 +24,7 @@ export class FrameHost {
   readonly #decode: HostOptions["decode"];
   readonly #open: NonNullable<HostOptions["open"]>;
   readonly #sessions = new Map<number, FrameTransport>();
-  /** Of what is under way. */
+  /** Aborts calls in progress, by id. */
   readonly #aborts = new Map<number, AbortController>();
 
   constructor({ post, decode, open = openTransport }: HostOptions) {

@@ -8,7 +8,7 @@ import { errorOf, type FromWorker, type SessionKind, type ToWorker } from "./mes
 
 type Opened = Extract<FromWorker, { kind: "opened" }>;
 
-/** A call under way; a request first awaits its reply, and then its picture. */
+/** A call in progress; a request first awaits its reply, and then its picture. */
 interface Call {
   readonly opened?: Deferred<Opened>;
   readonly reply?: Deferred<FrameReply>;
@@ -71,7 +71,7 @@ export class FrameWorker {
   async #request(session: number, request: RenderRequest, signal: AbortSignal): Promise<FrameReply> {
     signal.throwIfAborted();
     const [reply, picture] = [deferred<FrameReply>(), deferred<DecodedImage>()];
-    picture.promise.catch(() => undefined); // awaited by whoever shows it
+    picture.promise.catch(() => undefined); // handled where it is shown
     const id = this.#call({ reply, picture });
     this.#post({ kind: "request", id, session, request });
     const abort = () => {

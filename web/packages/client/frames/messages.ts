@@ -1,4 +1,4 @@
-/** Messages between a page and its frame worker. Ids are unique per worker; a session has the id of its order to open. */
+/** Messages between a page and its frame worker. Ids are unique per worker; a session has the id of the message that opens it. */
 import type { SessionOptions } from "../transport/session";
 import {
   type DecodedImage,
@@ -25,13 +25,13 @@ export type ToWorker =
   | { readonly kind: "decode"; readonly id: number; readonly image: Blob }
   | { readonly kind: "abort"; readonly id: number }
   | { readonly kind: "close"; readonly session: number }
-  /** Close everything; the worker ends. */
+  /** Closes everything and ends the worker. */
   | { readonly kind: "end" };
 
 export type FromWorker =
   | ({ readonly kind: "opened"; readonly id: number } & Pick<FrameTransport, "maxInFlight" | "overtaking">)
   | { readonly kind: "reply"; readonly id: number; readonly reply: Omit<FrameReply, "picture"> }
-  /** Follows a reply, except for a frame of a video, and answers an order to decode. */
+  /** Follows a reply, except for a frame of a video, and answers a message to decode. */
   | { readonly kind: "picture"; readonly id: number; readonly picture: DecodedImage }
   | { readonly kind: "failed"; readonly id: number; readonly failure: Failure }
   | { readonly kind: "lost"; readonly session: number; readonly reason: string };

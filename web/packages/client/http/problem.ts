@@ -1,8 +1,8 @@
-/** Requests to services, and how one says that it failed: problem details (RFC 9457), and one sentence to show. */
+/** Requests to services, and their failures: problem details (RFC 9457), with one sentence to show. */
 import "../async/abort-any";
 import type { Problem } from "../wire/render";
 
-/** Reasons why a page cannot reach a service named by `/config.json`, as far as its URL shows. */
+/** Host names of the same machine, which a secure page may reach over plain HTTP. */
 const LOOPBACK = /^(localhost|.*\.localhost|127(\.\d+){3}|\[::1\])$/;
 
 /**
@@ -15,7 +15,7 @@ export function mixedContent(base: string, page: string): boolean {
 }
 
 export class ApiError extends Error {
-  /** The server did not answer at all. */
+  /** The server did not respond at all. */
   readonly unreachable: boolean;
   /** The problem's type, such as `tigas:unknown-run`. */
   readonly type: string | undefined;
@@ -28,7 +28,7 @@ export class ApiError extends Error {
   }
 }
 
-/** Said by a server that asked another service on the page's behalf, and heard nothing. */
+/** Problem types of a server that asked another service for the page and got no answer. */
 const PROXIED_SILENCE = ["tigas:service-away", "tigas:service-silent"];
 
 export interface AskOptions extends Omit<RequestInit, "signal"> {
@@ -37,7 +37,7 @@ export interface AskOptions extends Omit<RequestInit, "signal"> {
   readonly timeout?: number;
 }
 
-/** Reads a service's answer. Rejects with an ApiError, or with the reason of `signal`; `silence` is the sentence for no answer. */
+/** Reads a service's answer. Rejects with an ApiError, or with the reason of `signal`; `silence` gives the sentence for no answer. */
 export async function ask<T>(
   url: string,
   read: (answer: Response) => Promise<T>,

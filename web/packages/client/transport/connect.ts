@@ -69,7 +69,7 @@ function decoded(transport: FrameTransport, backend: FrameBackend): FrameTranspo
     request: async (request, signal) => {
       const reply = await transport.request(request, signal);
       const picture = backend.decode(reply.image);
-      picture.catch(() => undefined); // awaited by whoever shows it
+      picture.catch(() => undefined); // handled where it is shown
       return { ...reply, picture };
     },
   };

@@ -38,7 +38,7 @@ let named: string | null;
 let reports: (HostReport | undefined)[];
 /** By host: unreachable hosts, and the director's answer once they are reported as lost. */
 let instead: Map<string, string>;
-/** For how long it was waited, in milliseconds, but for checks. */
+/** Waiting times in milliseconds, except between checks. */
 let waits: number[];
 let transports: FakeTransport[];
 let states: ConnectionState[];
@@ -46,13 +46,13 @@ let checks: (() => void)[];
 let looks: (() => void)[];
 let silence: boolean[];
 let now: number;
-/** Settles when the server's configuration comes. */
+/** Settles when the server's configuration arrives. */
 let reply: () => Promise<void>;
 let visible: () => Promise<void>;
 let stop: AbortController;
 let running: Promise<void>;
 
-/** Waits until the connection has been in this state so often. */
+/** Waits until the connection has been in this state this often. */
 const reached = (status: ConnectionState["status"], times = 1) =>
   vi.waitFor(() => expect(states.filter((state) => state.status === status).length).toBeGreaterThanOrEqual(times), {
     interval: 1,
@@ -99,7 +99,7 @@ async function connected(): Promise<void> {
   await reached("connected");
 }
 
-/** Waits until so many checks of the server are due, in all. */
+/** Waits until this many checks of the server are due in all. */
 const checked = (times: number) => vi.waitFor(() => expect(checks).toHaveLength(times));
 
 beforeEach(() => {
@@ -228,7 +228,7 @@ async function pass(milliseconds: number): Promise<void> {
   }
 }
 
-/** Connects, requests a view, and gets no answer for long enough. */
+/** Connects, requests a view, and waits in vain for long enough. */
 async function fallSilent(): Promise<void> {
   await connected();
   const state = states.find((state) => state.status === "connected");

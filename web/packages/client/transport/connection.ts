@@ -30,7 +30,7 @@ export interface ConnectionOptions extends WatchOptions {
 const PAUSES = { minTimeout: 300, maxTimeout: 2000 };
 /** Viewers of a full server retry at different times: up to this much later than announced, as a share of the delay. */
 const JITTER = 0.5;
-/** A connection that lasted for less, in milliseconds, is not replaced at once: something is wrong there. */
+/** A connection that lasted less than this, in milliseconds, is not replaced at once: something is wrong. */
 const LASTING = 1000;
 
 interface Attempt {
@@ -125,7 +125,7 @@ async function attempt(
   }
 }
 
-/** Without its director, the host of a cluster can still be there. */
+/** Without its director, the host of a cluster may still be reachable. */
 function orElse(last: ServerConfig | undefined, signal: AbortSignal): (error: unknown) => ServerConfig {
   return (error) => {
     if (last === undefined || signal.aborted) throw error;

@@ -12,7 +12,7 @@ interface Pending {
   readonly reply: Deferred<FrameReply>;
 }
 
-/** A frame that is not there after this many round trips of the others is lost (and not before MIN_WAIT, in ms). */
+/** A frame is lost if it has not arrived after this many round trips of the others, but not before MIN_WAIT (ms). */
 const PATIENCE = 4;
 const MIN_WAIT = 250;
 const FIRST_WAIT = 2000;

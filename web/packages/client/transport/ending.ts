@@ -7,7 +7,7 @@ import { type HostReport, hostReport, sentElsewhere } from "./host-report";
 import type { WatchedTransport } from "./watched";
 
 /**
- * Interval of checks on an open connection, in milliseconds: a dead server sends nothing, nor one with a deleted scene.
+ * Interval of checks on an open connection, in milliseconds: neither a dead server nor one with a deleted scene sends anything.
  */
 export const CHECK_EVERY = 2000;
 /** The same in a cluster, where the director answers the pages of all hosts. */
@@ -27,7 +27,7 @@ export interface Ending {
 
 export interface WatchOptions {
   readonly fetchConfig: (signal: AbortSignal, report?: HostReport) => Promise<ServerConfig>;
-  /** While connected: the server fell silent, or answers again. */
+  /** Called while connected when the server stops answering, or answers again. */
   readonly onSilence: (silent: boolean) => void;
   /** Settles once the page is visible, because a hidden page sends no requests. Rejects if aborted. */
   readonly visible: (signal: AbortSignal) => Promise<void>;
@@ -78,12 +78,12 @@ export async function ending(
       probed.catch(() => undefined); // aborted; reported where it is awaited
       const end = await examine("silent");
       if (end !== null) return end;
-      // It can be reached, maybe only since now.
+      // It can be reached, perhaps only just now.
       if (!(await probed) && !(await transport.probe(until))) return { reason: "The connection stopped responding." };
       onSilence(false);
     }
   };
-  // Long before it is known whether the host or the network is to blame, another host can have the scene.
+  // Another host can have the scene long before it is known whether the host or the network is to blame.
   const lookElsewhere = async (): Promise<Ending> => {
     for (;;) {
       await sleep(LOOK_ELSEWHERE_EVERY, until);

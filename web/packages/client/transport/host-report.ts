@@ -16,7 +16,7 @@ export function hostReport(how: "at" | "silent" | "lost", { host }: ServerConfig
   return typeof host === "string" ? ({ [how]: host } as HostReport) : undefined;
 }
 
-/** Whether another host than before is to serve the viewer, and takes it. */
+/** Whether the viewer is sent to a different host, which has room for it. */
 export function sentElsewhere(before: ServerConfig, now: ServerConfig): boolean {
   return (now.host ?? null) !== (before.host ?? null) && !isFull(now);
 }

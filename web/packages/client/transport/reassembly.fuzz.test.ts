@@ -1,4 +1,4 @@
-/** Frames that come as datagrams, with everything that a network and a stranger may do to them. */
+/** Frames in datagrams, subject to everything that a network or a stranger may do to them. */
 import fc from "fast-check";
 import { expect, test } from "vitest";
 import { EFFORT } from "#fakes/effort";
@@ -45,7 +45,7 @@ test("what arrives whole is what was sent, whatever is lost, repeated, overtaken
   );
 });
 
-/** A datagram that no request of ours asked for. */
+/** A datagram that answers none of our requests. */
 function withoutMeaning(datagram: Uint8Array<ArrayBuffer>): Uint8Array<ArrayBuffer> {
   if (datagram.length > 0) datagram[0] = 255;
   return datagram;

@@ -9,7 +9,7 @@ afterEach(() => {
   vi.restoreAllMocks();
 });
 
-/** A timeout that the test lets happen. */
+/** A timeout that the test triggers. */
 function controlledTimeout(): AbortController {
   const controller = new AbortController();
   vi.spyOn(AbortSignal, "timeout").mockReturnValue(controller.signal);

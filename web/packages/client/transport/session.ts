@@ -11,7 +11,7 @@ export interface SessionOptions {
 
 type Open = (url: string, options: WebTransportOptions) => WebTransport;
 
-/** An open session. Rejects with one sentence on a timeout, with the signal's reason if aborted. */
+/** Opens a session. Rejects with one sentence on a timeout, with the signal's reason if aborted. */
 export async function openSession(
   { url, certificateSha256, timeout }: SessionOptions,
   signal: AbortSignal,

@@ -43,14 +43,14 @@ export interface FrameReply {
 
 export interface FrameTransport {
   readonly kind: TransportKind;
-  /** The most requests that it can carry at a time. */
+  /** The most requests that it can carry at once. */
   readonly maxInFlight: number;
   /**
    * The server attributes all requests to one viewer and renders the newest first. An outdated request then costs next
    * to nothing, and it pays to send every view.
    */
   readonly overtaking: boolean;
-  /** Settles with a reason once the server cannot be reached through it any more; never rejects. */
+  /** Settles with a reason once the server can no longer be reached through it; never rejects. */
   readonly lost: Promise<string>;
   /**
    * Fetches one frame. Rejects with RequestProblem if the server refuses, FrameDropped if the frame will not come, the

@@ -9,7 +9,7 @@ const ANSWERS = 8;
 export const MIN_PATIENCE = 2000;
 /** Interval of probes of a silent server, in milliseconds: the first packets after an outage wake a connection up. */
 const PROBE_EVERY = 500;
-/** Refused at once, without a scene to load or a place in a queue. */
+/** A request that is refused at once, without loading a scene or queueing. */
 const PROBE: RenderRequest = { scene: "", seq: 2 ** 32 - 1, fx: 1, fy: 1, cx: 1, cy: 1, width: 2, height: 2 };
 
 export class WatchedTransport implements FrameTransport {
@@ -23,7 +23,7 @@ export class WatchedTransport implements FrameTransport {
   #unansweredSince: number | undefined;
   #outstanding = 0;
   #answers = 0;
-  /** The longest that recent answers took, in milliseconds. */
+  /** The longest recent response time, in milliseconds. */
   #usual = 0;
 
   constructor(transport: FrameTransport, now: Clock) {
@@ -48,7 +48,7 @@ export class WatchedTransport implements FrameTransport {
       throw error;
     } finally {
       this.#outstanding--;
-      if (this.#outstanding === 0 && signal.aborted) this.#unansweredSince = undefined; // no request is left
+      if (this.#outstanding === 0 && signal.aborted) this.#unansweredSince = undefined; // no requests are left
     }
   }
 
@@ -57,7 +57,7 @@ export class WatchedTransport implements FrameTransport {
     return this.#unansweredSince === undefined ? 0 : this.#now() - this.#unansweredSince;
   }
 
-  /** Whether the present silence is longer than usual. */
+  /** Whether the current silence is unusually long. */
   get silent(): boolean {
     return this.quietFor > this.#patience;
   }
