@@ -1,4 +1,4 @@
-/** `window.tigas`: how scripts drive the viewer and measure it. Pictures are fetched one by one after a run. */
+/** `window.tigas`, with which scripts drive and measure the viewer. Pictures are fetched one by one after a run. */
 
 import * as v from "valibot";
 import type { Recording, Sample } from "#client/wire/store";
@@ -33,18 +33,18 @@ class Bridge {
     this.#runner = runner;
   }
 
-  /** Changes settings, or the seed of controllers' random numbers; the rest stays. Throws if one does not make sense. */
+  /** Changes settings, or the seed of the controllers' random numbers. Throws if one is invalid. */
   settings({ seed, ...part }: Partial<Settings> & { readonly seed?: number }): void {
     if (seed !== undefined) this.#runner.seed(v.parse(Seed, seed));
     this.#runner.settings(part);
   }
 
-  /** Connects again, over the network as it is now. */
+  /** Reconnects, over the network in its current state. */
   reconnect(): void {
     this.#runner.reconnect();
   }
 
-  /** Stand at a pose of the scene's own frame until a run begins. */
+  /** Holds a pose in the scene's own frame until a run begins. */
   stand(pose: unknown): void {
     this.#runner.stand(v.parse(Pose, pose) as unknown as ScenePose);
   }
@@ -53,12 +53,12 @@ class Bridge {
     return this.#runner.state();
   }
 
-  /** Play a movement and record it; one at a time. */
+  /** Plays and records a movement; one at a time. */
   async run(plan: unknown): Promise<Recording> {
     return this.#runner.run(v.parse(Plan, plan) as unknown as RunPlan);
   }
 
-  /** The last run's samples, the names of their pictures, and why there are no more; the page gives none of them up. */
+  /** The last run's samples, the names of their pictures, and the reason if some are missing; the page keeps them all. */
   async samples(): Promise<SampleList> {
     const { sampled } = this.#runner;
     this.#sampled = sampled?.key ? await readSampledRun(sampled.key) : null;
@@ -66,14 +66,14 @@ class Bridge {
     return { samples, pictures: [...pictures.keys()], problem: sampled && whyFewer(sampled) };
   }
 
-  /** A picture of these by its name, as base64 text. */
+  /** One of these pictures by its name, as base64 text. */
   async samplePicture(name: string): Promise<string> {
     const picture = this.#sampled?.pictures.get(name);
     if (!picture) throw new Error(`there is no picture ${name}`);
     return base64(new Uint8Array(await picture.arrayBuffer()));
   }
 
-  /** A kept picture as the base64 text of a PNG; the page gives it up then. */
+  /** A captured picture as the base64 text of a PNG; the page then drops it. */
   async capture(index: number): Promise<string> {
     const picture = await this.#runner.takePicture(index);
     return base64(new Uint8Array(await picture.arrayBuffer()));
@@ -84,7 +84,7 @@ declare global {
   var tigas: Bridge | undefined;
 }
 
-/** Offer the bridge to scripts until the function that this returns is called. */
+/** Offers the bridge to scripts; returns a function that withdraws it. */
 export function offerBridge(runner: Runner): () => void {
   const bridge = new Bridge(runner);
   globalThis.tigas = bridge;

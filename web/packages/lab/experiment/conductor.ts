@@ -1,6 +1,6 @@
 /**
- * Performs the runs of an experiment that the store hands out, one after the other, and uploads them. A failed run is
- * reported, and the others continue. Performing and the store are dependencies.
+ * Makes the runs that the store hands out for an experiment, one after the other, and uploads them. A failed run is
+ * reported, and the others continue. The store and the making of a run are dependencies.
  */
 import { signal } from "@preact/signals";
 import { sleep } from "#client/async/retry";
@@ -12,7 +12,7 @@ import { uploadSamples } from "./sample-upload";
 import type { StoreApi } from "./store-api";
 
 export interface Progress extends Pick<NextRun, "planned" | "missing" | "remaining_s"> {
-  /** The present run's display name; null before the first. */
+  /** The current run's display name; null before the first. */
   readonly title: string | null;
   readonly stage: string;
 }
@@ -20,28 +20,28 @@ export interface Progress extends Pick<NextRun, "planned" | "missing" | "remaini
 /** How it ended: `problem` is null if all runs were tried. */
 export interface Ending {
   readonly problem: string | null;
-  /** Whether it was not begun since the complete runs were made with other versions. */
+  /** Whether it was refused because the complete runs were made with other versions. */
   readonly refused: boolean;
   readonly missing: number;
-  /** Whether the store got samples. */
+  /** Whether samples were uploaded to the store. */
   readonly sampled: boolean;
 }
 
 export interface ConductorDependencies {
   readonly store: StoreApi;
   readonly perform: (job: RunJob, stage: (what: string) => void, signal: AbortSignal) => Promise<Performed>;
-  /** The page's own name, by chance. */
+  /** Random identifier of the page. */
   readonly page: string;
 }
 
-/** Interval of asking again, in milliseconds: while other pages perform the other runs, and while the store is away. */
+/** Polling interval, in milliseconds, while other pages make the other runs and while the store is unreachable. */
 const ASK_EVERY = 2000;
-/** Characters of a problem that the store takes. */
+/** Maximum length of a problem that the store accepts. */
 const LONGEST_PROBLEM = 1000;
 
 export class Conductor {
   readonly progress = signal<Progress>({ planned: 0, missing: 0, remaining_s: 0, title: null, stage: "Starting" });
-  /** Null while it is under way. */
+  /** Null while it is in progress. */
   readonly ending = signal<Ending | null>(null);
   /** Notices about single runs, in order. */
   readonly notices = signal<readonly string[]>([]);
@@ -55,19 +55,19 @@ export class Conductor {
     this.#dependencies = dependencies;
   }
 
-  /** Ends the present run at once, and performs no other. */
+  /** Ends the current run at once, and starts no other. */
   cancel(): void {
     this.#cancelled.abort();
     this.release();
   }
 
-  /** Gives the present run back, even while the page unloads. */
+  /** Releases the current run, even while the page unloads. */
   release(): void {
     const { store, page } = this.#dependencies;
     store.release(this.#id, page);
   }
 
-  /** Performs all runs; never rejects. */
+  /** Makes all runs; never rejects. */
   async conduct(allowChanges = false): Promise<void> {
     const { signal } = this.#cancelled;
     try {
@@ -122,7 +122,7 @@ export class Conductor {
     if (performed.samples !== null) await this.#samples(performed.samples, stage, note);
   }
 
-  /** Uploads a run; why it failed or was refused, in one sentence. */
+  /** Uploads a run; returns why it failed or was refused, in one sentence, or null. */
   async #kept({ run }: RunJob, { upload, captures }: Performed): Promise<string | null> {
     const { store } = this.#dependencies;
     const add = (what: RunUpload) => this.#patiently(() => store.add(this.#id, run, what));
@@ -156,7 +156,7 @@ export class Conductor {
     }
   }
 
-  /** Asks the store until it answers. */
+  /** Retries until the store answers. */
   async #patiently<T>(ask: () => Promise<T>): Promise<T> {
     const { signal } = this.#cancelled;
     for (;;) {

@@ -1,4 +1,4 @@
-/** The experiment's file that the page's form writes (`docs/experiments.md`). Pure. */
+/** The experiment file that the page's form writes (`docs/experiments.md`). Pure. */
 
 import { DASH, type MODE_NAMES, PER_VIEW } from "#client/wire/run";
 import type { Configuration } from "#client/wire/store";
@@ -6,15 +6,15 @@ import { OFF } from "#viewer/enhance/model/enhancer";
 import type { Settings } from "#viewer/state/settings";
 
 export type RunMode = keyof typeof MODE_NAMES & Configuration["mode"];
-/** A controller's name, or a rung of the ladder, which then stays. */
+/** A controller's name, or a fixed rung of the ladder. */
 export type Profile = string | number;
 
 /** The form's content; numbers are as typed. */
 export interface Draft {
   readonly name: string;
-  /** Key of the movement; null: none chosen. */
+  /** Key of the movement; null if none is chosen. */
   readonly movement: string | null;
-  /** One of the shaper's; null: the present link. */
+  /** A trace of the shaper's; null for the current link. */
   readonly trace: string | null;
   readonly rtt: string;
   readonly modes: readonly RunMode[];
@@ -31,9 +31,9 @@ export interface Inputs {
   readonly scene: string;
   /** File name. */
   readonly movement: string;
-  /** The present link's label. */
+  /** The current link's label. */
   readonly present: string;
-  /** Of the viewer, for what the form does not ask. */
+  /** The viewer's settings, for values that the form does not ask for. */
   readonly settings: Pick<Settings, "restore" | "upscale" | "overscan" | "depth" | "surround">;
   readonly viewport: { readonly width: number; readonly height: number };
 }
@@ -76,13 +76,13 @@ export function experimentFile(draft: Draft, { scene, movement, present, setting
     .join("");
 }
 
-/** A list with an entry more or less; `order` says how entries follow one another. */
+/** Adds an entry to a list or removes it; the result is sorted as in `order`. */
 export function toggled<T>(list: readonly T[], entry: T, order: readonly T[]): readonly T[] {
   const chosen = list.includes(entry) ? list.filter((other) => other !== entry) : [...list, entry];
   return order.filter((other) => chosen.includes(other));
 }
 
-/** Anything else stays text, which the store refuses with a sentence. */
+/** A typed number; anything else stays text, which the store refuses with a message. */
 function number(typed: string): number | string {
   const value = Number(typed);
   return typed.trim() === "" || !Number.isFinite(value) ? typed : value;

@@ -10,7 +10,7 @@ import { networkLabel, presentNetwork, RunLink } from "./link";
 const BUS = { trace: "bus", rtt_ms: 80 };
 const CHANGED = "The link was changed from outside during the run.";
 
-/** A shaper that answers every request with a status, and the requests. */
+/** A shaper that answers every request with a status, and a log of the requests. */
 function fakeShaper(answer: ShaperStatus) {
   const asked: unknown[] = [];
   const call =
@@ -26,7 +26,7 @@ function fakeShaper(answer: ShaperStatus) {
   return { asked, status, connectionError, shaper: { api, status, connectionError } as unknown as Shaper };
 }
 
-/** What is reported of a run's link that is in one state at first, and in others afterwards. */
+/** Problems reported for a run's link that goes through these states. */
 async function seen(network: Configuration["network"], first: ShaperStatus, ...later: (ShaperStatus | null)[]) {
   const { shaper, status, connectionError } = fakeShaper(first);
   const link = new RunLink(shaper, network, 0);

@@ -1,4 +1,4 @@
-/** The network of a run: played from before the run's part of its trace, watched meanwhile, and given back. */
+/** The network of a run: played from before the run's part of its trace, watched meanwhile, and released. */
 import { effect } from "@preact/signals";
 import { LINK_TERMS, UNSHAPED } from "#client/wire/run";
 import type { LinkSetting, ShaperStatus } from "#client/wire/shaper";
@@ -19,7 +19,7 @@ const CONDITIONS = ["down_kbps", "up_kbps", "delay_ms", "jitter_ms", "loss_pct"]
 export class RunLink {
   readonly #shaper: Shaper | null;
   readonly #network: Network;
-  /** The link as it was last known to be right. */
+  /** The last state in which the link was known to be right. */
   #known: ShaperStatus | null = null;
   readonly #seen: { readonly at: number; readonly status: ShaperStatus }[] = [];
 
@@ -35,7 +35,7 @@ export class RunLink {
     this.#warmUp = warmUp;
   }
 
-  /** Put the network in force, for the viewer to open in. */
+  /** Applies the network, for the viewer to start in. */
   async begin(): Promise<void> {
     if (this.#shaper === null) return;
     const { api } = this.#shaper;
@@ -47,12 +47,12 @@ export class RunLink {
     } else this.#known = await api.stop();
   }
 
-  /** Play the trace from where the warm-up begins. */
+  /** Plays the trace from where the warm-up begins. */
   warmUp(): Promise<void> {
     return this.#seek(this.#warmUp);
   }
 
-  /** Play the trace from where the movement begins. */
+  /** Plays the trace from where the movement begins. */
   play(): Promise<void> {
     return this.#seek(0);
   }
@@ -93,17 +93,17 @@ export class RunLink {
     return this.#known?.backend ?? null;
   }
 
-  /** Back to the shaper's own rate, which is fast. */
+  /** Returns to the shaper's default rate, which is fast. */
   async release(): Promise<void> {
     await this.#shaper?.api.stop();
   }
 
-  /** The same while the page unloads. */
+  /** Does the same while the page unloads. */
   abandon(): void {
     this.#shaper?.api.abandon();
   }
 
-  /** Play from `before` seconds before the run's part, wrapping around the trace's start. */
+  /** Plays from `before` seconds before the run's part, wrapping around the trace's start. */
   async #seek(before: number): Promise<void> {
     if (this.#shaper === null || !this.#network.trace) return;
     const position = ((this.#network.offset_s ?? 0) - before) * 1000;
@@ -127,7 +127,7 @@ export class RunLink {
   }
 }
 
-/** The present link in the form of experiment files, such as `20mbit,20ms-rtt`; or why it is unusable, in `problem`. */
+/** The current link in the form of experiment files, such as `20mbit,20ms-rtt`; or why it is unusable, in `problem`. */
 export function presentNetwork(shaper: Shaper | null): { readonly label: string } | { readonly problem: string } {
   if (shaper === null) return { label: UNSHAPED };
   const status = shaper.status.value;

@@ -1,4 +1,4 @@
-/** Performs a run in this very page: network, first pose, warm-up, movement. */
+/** Makes a run in this page: network, first pose, warm-up, movement. */
 import { sleep } from "#client/async/retry";
 import type { RunJob, RunUpload } from "#client/wire/store";
 import type { ViewerSession } from "#viewer/session/session";
@@ -12,11 +12,11 @@ import { RunLink } from "./link";
 import type { Runner, RunPlan } from "./runner";
 
 export interface Performance {
-  /** A visit to the run's scene that nothing has used yet, with default settings. */
+  /** An unused visit to the run's scene, with default settings. */
   readonly session: ViewerSession;
   readonly runner: Runner;
   readonly shaper: Shaper | null;
-  /** The experiment of samples, in case the page is closed. */
+  /** The experiment that the samples belong to, in case the page is closed. */
   readonly experiment: string;
   readonly stage: (what: string) => void;
   readonly signal: AbortSignal;
@@ -24,7 +24,7 @@ export interface Performance {
 
 export interface Performed {
   readonly upload: RunUpload;
-  /** PNGs of the kept pictures, in order. */
+  /** PNGs of the captured pictures, in order. */
   readonly captures: readonly Blob[];
   /** The folder of samples in this browser; null without. */
   readonly samples: string | null;
@@ -36,8 +36,8 @@ const LOOK_EVERY = 50;
 const HIDDEN = "The page was hidden during the run.";
 
 /**
- * Rejects with a RunFailed or an ApiError, or with the reason of `signal`. Afterwards the link is the shaper's own
- * again.
+ * Rejects with a RunFailed or an ApiError, or with the reason of `signal`. Afterwards the link has the shaper's
+ * default rate again.
  */
 export async function perform(job: RunJob, performance_: Performance): Promise<Performed> {
   const { session, runner, shaper, experiment, stage, signal } = performance_;
@@ -103,7 +103,7 @@ export async function perform(job: RunJob, performance_: Performance): Promise<P
     }
   } finally {
     removeEventListener("pagehide", onLeave);
-    // The measurement counts all the same; the next run reports a link that does not change back.
+    // The measurement is still valid; the next run reports a link that was not released.
     await link.release().catch(() => undefined);
   }
 }
@@ -118,7 +118,7 @@ function failIfUnlike(runner: Runner): void {
   if (problem !== null) throw new RunFailed(`Frames cannot be shown as configured. ${problem}`);
 }
 
-/** A connection that comes back has only cost the run its views; one that does not may have ended for another reason. */
+/** Fails after a lost connection: if it returned, it only cost the run some views; if not, it may have ended for another reason. */
 function failIfLost({ phase, source }: ViewerSession): void {
   if (phase.peek().kind !== "playing")
     throw new RunFailed("The connection was lost during the run and did not return.");
@@ -130,7 +130,7 @@ function visible(): boolean {
   return document.visibilityState === "visible";
 }
 
-/** Why no frame comes, as far as the viewer knows. */
+/** Why no frame arrives, as far as the viewer knows. */
 function whyNoFrame(session: ViewerSession): string {
   if (!visible()) return HIDDEN;
   const { phase, source } = session;

@@ -30,8 +30,8 @@ export function intervalAtRest(times: readonly number[]): number | null {
 }
 
 /**
- * Between two animation frames, in milliseconds, as a busy page shows them; null with less than two. The mean
- * of the gaps in which no frame was missed: those up to 1.5 times a short one, that of the tenth percentile.
+ * The interval between animation frames of a busy page, in milliseconds; null with fewer than two. It is the mean of
+ * the gaps without a missed frame: up to 1.5 times a short gap, which is the tenth percentile.
  */
 export function displayInterval(times: readonly number[]): number | null {
   const sorted = gapsOf(times)
@@ -47,7 +47,7 @@ function gapsOf(times: readonly number[]): number[] {
   return times.slice(1).map((time, i) => time - (times[i] as number));
 }
 
-/** The frames of the display without an animation frame: when each was due. */
+/** Due times of the display's frames that got no animation frame. */
 export function missedFrames(times: readonly number[], interval: number): number[] {
   return times.slice(1).flatMap((time, i) => {
     const before = times[i] as number;
@@ -68,17 +68,17 @@ export interface RecorderStart {
   readonly duration: number;
   /** The viewer's intended pose, this many milliseconds after the start. */
   readonly movement: (elapsed: number) => ScenePose;
-  /** Between two frames of the display, in milliseconds, as the page showed at rest; null: unknown. */
+  /** The display's frame interval in milliseconds, measured at rest; null if unknown. */
   readonly atRest?: number | null;
   /** The number of the pose that is on the screen. */
   readonly pose: number;
   readonly received: number;
-  /** A picture is kept at each tick of a clock while the movement lasts: so often, and first after `captureOffset`; 0 keeps none. */
+  /** Interval of capturing pictures while the movement lasts, first after `captureOffset`; 0 captures none. */
   readonly captureEvery: number;
   readonly captureOffset: number;
 }
 
-/** The number of none that was ever sampled. */
+/** A pose number that is never sampled. */
 const NO_POSE = -1;
 
 export class Recorder {
@@ -87,7 +87,7 @@ export class Recorder {
   readonly #frames: RecordedEvents["frames"] = [];
   readonly #replies: RecordedEvents["replies"] = [];
   readonly #requests: SentRequest[] = [];
-  /** Of all samples. */
+  /** Times of all samples. */
   readonly #sampledAt: number[] = [];
   readonly #captures: RecordedEvents["captures"] = [];
   readonly #traffic: RecordedEvents["traffic"] = [];
@@ -102,7 +102,7 @@ export class Recorder {
     this.#captureAt = start.captureOffset;
   }
 
-  /** The rig stands at `pose` since a time. */
+  /** Records that the rig has had a pose since a time. */
   sampled({ seq, position, quaternion }: NumberedPose, at: number): void {
     this.#sampledAt.push(at - this.#start.startedAt);
     if (seq === this.#pose) return;
@@ -110,11 +110,11 @@ export class Recorder {
     this.#inputs.push({ at: at - this.#start.startedAt, pose: seq, position, quaternion, missed: false });
   }
 
-  /** How many ticks of the clock were due by now, after the last time that it was asked: for each, a picture is to be kept. */
+  /** Number of captures that have become due since the last call. */
   due(now: number): number {
     const { startedAt, captureEvery, duration } = this.#start;
     if (captureEvery === 0) return 0;
-    const last = duration - 1e-3; // sums are rounded: there must not be one more than the duration has room for
+    const last = duration - 1e-3; // rounded sums must not give one more than fits into the duration
     let ticks = 0;
     for (; this.#captureAt <= now - startedAt && this.#captureAt < last; this.#captureAt += captureEvery) ticks++;
     return ticks;
@@ -157,44 +157,44 @@ export class Recorder {
     });
   }
 
-  /** The picture of the frame that was on the screen at a time was kept. */
+  /** Records a capture of the frame that was on the screen at a time. */
   captured(frame: PresentedFrame, at: number, picture: { readonly width: number; readonly height: number }): void {
     const { startedAt } = this.#start;
     const { pose, view = null, filled = null, rung } = frame;
     const { width, height } = picture;
-    // A video frame is reported shortly before it is on screen.
+    // A video frame is reported shortly before it is on the screen.
     const seenAt = Math.max(at, frame.at) - startedAt;
     this.#captures.push({ at: seenAt, shown_at: frame.at - startedAt, pose, view, filled, rung, width, height });
   }
 
-  /** At a time before the first frame, an empty picture was kept. */
+  /** Records an empty capture, at a time before the first frame. */
   capturedNothing(at: number, { width, height }: { readonly width: number; readonly height: number }): void {
     const nothing = { shown_at: 0, pose: NO_POSE, view: null, filled: null, rung: null };
     this.#captures.push({ at: at - this.#start.startedAt, ...nothing, width, height });
   }
 
-  /** Total bytes received since the page was opened. */
+  /** Records the total bytes received since the page was opened. */
   received(bytes: number, at: number): void {
     this.#traffic.push({ at: at - this.#start.startedAt, bytes: bytes - this.#start.received });
   }
 
-  /** The movement's last pose was sampled, and is on the screen. */
+  /** Whether the movement's last pose was sampled and is on the screen. */
   get settled(): boolean {
     return (this.#sampledAt.at(-1) ?? 0) >= this.#start.duration && this.#shown >= this.#pose;
   }
 
-  /** Between two animation frames of the run, in milliseconds; null if there were no two. */
+  /** The interval between the run's animation frames, in milliseconds; null with fewer than two. */
   get animationInterval(): number | null {
     return displayInterval(this.#sampledAt);
   }
 
-  /** Between two frames of the display, in milliseconds: the page may never have kept up with it. Null if unknown. */
+  /** The display's frame interval in milliseconds, which the page may never have kept up with; null if unknown. */
   get displayInterval(): number | null {
     const known = [this.animationInterval, this.#start.atRest].filter((interval) => interval != null);
     return known.length > 0 ? Math.min(...known) : null;
   }
 
-  /** All events in order of time: a video's frames are reported when decoded, not when shown. */
+  /** All events, sorted by time because a video's frames are reported when decoded, not when shown. */
   get events(): RecordedEvents {
     return {
       inputs: [...this.#inputs, ...this.#missed()].sort((a, b) => a.at - b.at),
@@ -211,7 +211,7 @@ export class Recorder {
     };
   }
 
-  /** The poses that were due while the page stalled. Where none was sampled later, the viewer was back where the picture is. */
+  /** The poses that were due while the page stalled, except where no later one was sampled: the view was back at the picture's pose. */
   #missed(): Input[] {
     const interval = this.displayInterval ?? Number.POSITIVE_INFINITY;
     const { movement } = this.#start;

@@ -24,7 +24,7 @@ let rig: Rig;
 let enhancement: Signal<EnhancementStatus>;
 let unturned: Signal<string | null>;
 let phase: Signal<{ kind: string; message?: string }>;
-/** Of the visit. */
+/** Parts of the visit. */
 let visit: Signal<{ kind: string; message?: string }>;
 let runner: Runner;
 let connections: number;
@@ -74,7 +74,7 @@ afterEach(() => {
   vi.restoreAllMocks();
 });
 
-/** The browser draws at these times, in milliseconds, and at no others. */
+/** The browser draws only at these times, in milliseconds. */
 async function drawn(...times: number[]): Promise<void> {
   for (const time of times) {
     now = time;
@@ -84,7 +84,7 @@ async function drawn(...times: number[]): Promise<void> {
   }
 }
 
-/** A run in which the camera is to stand where it is. */
+/** A run with a resting camera. */
 function stands(duration_ms: number, more: Partial<RunPlan> = {}) {
   const { position, quaternion } = rig.pose;
   return runner.run({

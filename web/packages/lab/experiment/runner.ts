@@ -21,12 +21,12 @@ import { RunFailed } from "./errors";
 import { intervalAtRest, Recorder } from "./recorder";
 
 export interface RunPlan {
-  /** In the order of time, in the scene's own frame. */
+  /** In order of time, in the scene's own frame. */
   readonly points: readonly TimedPose[];
   readonly duration_ms: number;
-  /** Interval of keeping the screen's picture; 0 keeps none. */
+  /** Interval of capturing the screen; 0 captures nothing. */
   readonly capture_every_ms: number;
-  /** For the mode `stateless`: every n-th shown frame is sampled; 0 samples none. */
+  /** For the mode `stateless`: every nth shown frame is sampled; 0 samples none. */
   readonly sample_stride: number;
   /** Whether the recording begins with the mode `local`, and so with the download of the scene. */
   readonly download?: boolean;
@@ -35,9 +35,9 @@ export interface RunPlan {
 }
 
 export interface RunnerState {
-  /** Frames come, the newest pose is on the screen, and the models that enhance frames are loaded, or given up. */
+  /** Frames arrive, the newest pose is on the screen, and the models that enhance frames are loaded or have failed. */
   readonly ready: boolean;
-  /** Why frames are not enhanced, turned or drawn as was chosen, or were not at some time of the last run; or null. */
+  /** Why frames are not enhanced, turned or drawn as chosen, or were not at some time during the last run; or null. */
   readonly problem: string | null;
   readonly phase: string;
   readonly mode: Mode;
@@ -45,10 +45,10 @@ export interface RunnerState {
   readonly shown: number;
 }
 
-/** When the movement has ended, its last pose is waited for this long, in milliseconds. */
+/** Longest wait for the last pose after the end of the movement, in milliseconds. */
 const DRAIN = 5000;
 /**
- * A camera that stood still for this many milliseconds during a movement has missed a part: hidden pages get no
+ * A camera that stood still for this many milliseconds during a movement has missed a part of it: hidden pages get no
  * animation frames.
  */
 const PAUSE = 1000;
@@ -66,7 +66,7 @@ export class Runner {
   #shown = 0;
   /** The display's frame interval in milliseconds, measured at rest; the shortest of the page's lifetime. */
   #atRest: number | null = null;
-  /** The animation frames since the camera stands. */
+  /** Times of the animation frames since the camera came to rest. */
   #stood: number[] = [];
   #newest = -1;
   #frame: PresentedFrame | undefined;
@@ -86,12 +86,12 @@ export class Runner {
     ];
   }
 
-  /** Decides the controllers' random numbers; if it is another one than before, a controller that adapts begins anew. */
+  /** Sets the seed of the controllers' random numbers; a different one restarts an adaptive controller. */
   seed(seed: number): void {
     this.#session.seed.value = seed;
   }
 
-  /** Changes settings; the rest stays. Throws if one does not exist or make sense: nothing is measured by mistake. */
+  /** Changes settings. Throws if one is unknown or invalid, so that nothing is measured by mistake. */
   settings(part: Partial<Settings>): void {
     const { settings, change } = this.#session.state;
     const before = settings.peek();
@@ -106,13 +106,13 @@ export class Runner {
     if (forced || reopens(before, now)) this.#shown = 0; // wait for other frames
   }
 
-  /** Connects again: what a connection has learned of the network before a run must not influence the run. */
+  /** Reconnects, so that knowledge of the network from before a run does not influence the run. */
   reconnect(): void {
     this.#session.retry();
     this.#shown = 0;
   }
 
-  /** Stand at a pose of the scene's own frame until a run begins, or the camera is released. */
+  /** Holds a pose in the scene's own frame until a run begins, or the camera is released. */
   stand({ position, quaternion }: ScenePose): void {
     this.#stood = [];
     this.#session.rig.drive((now) => {
@@ -141,11 +141,11 @@ export class Runner {
   }
 
   /**
-   * Play a movement and record it; one at a time. A connection or stream that is lost for a while is part of the record.
+   * Plays and records a movement; one at a time. A connection or stream that is lost for a while is part of the record.
    * Rejects with a RunFailed if it fails for good, or with the reason of `signal`.
    */
   async run(plan: RunPlan, signal?: AbortSignal): Promise<Required<Recording>> {
-    if (this.#running) throw new Error("a run is under way");
+    if (this.#running) throw new Error("a run is already in progress");
     this.#running = true;
     this.#forgetPictures();
     const { about = null, sample_stride } = plan;
@@ -159,7 +159,7 @@ export class Runner {
     }
   }
 
-  /** A kept picture of the last run as a PNG; it is given up then. */
+  /** A captured picture of the last run as a PNG; it is then dropped. */
   async takePicture(index: number): Promise<Blob> {
     const picture = this.#pictures[index];
     if (!picture) throw new Error(`there is no picture ${index}`);
@@ -175,7 +175,7 @@ export class Runner {
     return this.#sampled;
   }
 
-  /** Removes the samples of the last run: it has failed, or they have been fetched. */
+  /** Removes the samples of the last run, after it has failed or they have been fetched. */
   async discardSamples(): Promise<void> {
     const key = this.#sampled?.key;
     this.#sampled = null;
@@ -230,7 +230,7 @@ export class Runner {
       let sampledAt = startedAt;
       let longestPause = 0;
       rig.drive((now) => {
-        recorder.sampled(rig.pose, sampledAt); // the pose of the sample before this one
+        recorder.sampled(rig.pose, sampledAt); // the previous sample's pose
         if (sampledAt < movedUntil) longestPause = Math.max(longestPause, now - sampledAt);
         sampledAt = now;
         for (let ticks = recorder.due(now); ticks > 0; ticks--) void this.#keep(recorder, now);
@@ -238,7 +238,7 @@ export class Runner {
       });
       const ending = signal ? AbortSignal.any([signal, over.signal]) : over.signal;
       const endedAt = await this.#ended(recorder, movedUntil, ending);
-      // Drawing a scene may take all of the page's time: that is the mode's own doing, and its poses are counted as missed.
+      // Drawing a scene may take all of the page's time: this is a property of the mode, and the poses count as missed.
       const animated = (recorder.animationInterval ?? Number.POSITIVE_INFINITY) < SLOWEST_DISPLAY;
       const unbroken = longestPause < PAUSE || (download && !hidden && animated);
       return {
@@ -264,7 +264,7 @@ export class Runner {
     }
   }
 
-  /** Why the pictures of a run can no longer come, in one sentence; null while they may. */
+  /** Why a run can get no more pictures, in one sentence; null while it can. */
   #failure(): string | null {
     const { phase, source } = this.#session;
     const shown = source.value?.phase.value;
@@ -294,7 +294,7 @@ export class Runner {
     this.#recorder?.presented(frame);
   }
 
-  /** A copy on the GPU, or in memory without one: encoding waits until the run has ended. */
+  /** Copies the picture on the GPU, or in memory without a GPU; it is encoded after the run has ended. */
   async #keep(recorder: Recorder, at: number): Promise<void> {
     const frame = this.#frame;
     const { left, rig } = this.#session;
@@ -314,7 +314,7 @@ export class Runner {
     }
   }
 
-  /** Resolves when the last pose is on screen, or the wait times out. */
+  /** Resolves when the last pose is on the screen, or the wait times out. */
   async #ended(recorder: Recorder, movedUntil: number, signal: AbortSignal): Promise<number> {
     let reportedAt = Number.NEGATIVE_INFINITY;
     for (;;) {

@@ -1,4 +1,4 @@
-/** Uploads a run's samples from this browser to the store, with resumption: see `docs/experiments.md`. */
+/** Uploads a run's samples from this browser to the store; resumable (`docs/experiments.md`). */
 import { ApiError } from "#client/http/problem";
 import { describeSamples } from "../samples/sample-writer";
 import { hold, readSampledRun, removeSampledRun, type SampledRun } from "../samples/sampled-runs";
@@ -8,7 +8,7 @@ export type SampleStore = Pick<StoreApi, "add" | "uploadedSamples" | "addPicture
 
 interface Upload {
   readonly key: string;
-  /** Whether the store is known to have their run. */
+  /** Whether the store is known to have the samples' run. */
   readonly stored?: boolean;
   readonly store: SampleStore;
   /** Progress callback: stored and total bytes. */
@@ -18,7 +18,7 @@ interface Upload {
 
 const CLOSED = "The page was closed before the run's end; only its samples are left.";
 
-/** Removes them from this browser afterwards. Rejects with an ApiError, or with the reason of `signal`. */
+/** Uploads samples and removes them from this browser. Rejects with an ApiError, or with the reason of `signal`. */
 export function uploadSamples({ key, ...how }: Upload): Promise<void> {
   return holding(key, async () => {
     const run = await readSampledRun(key);
@@ -27,7 +27,7 @@ export function uploadSamples({ key, ...how }: Upload): Promise<void> {
   });
 }
 
-/** Gives samples up. Rejects with an ApiError. */
+/** Deletes samples. Rejects with an ApiError. */
 export function deleteSamples(key: string): Promise<void> {
   return holding(key, () => removeSampledRun(key));
 }

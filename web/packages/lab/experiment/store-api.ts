@@ -28,17 +28,17 @@ const SLOWEST = 125;
 export class StoreApi {
   readonly base: string;
 
-  /** `base` is the store's URL, with or without a slash at its end. */
+  /** `base` is the store's URL, with or without a trailing slash. */
   constructor(base: string) {
     this.base = base.replace(/\/+$/, "");
   }
 
-  /** Expands an experiment's file, and keeps nothing. */
+  /** Expands an experiment's file, without storing anything. */
   summary(request: ExperimentRequest, signal: AbortSignal): Promise<PlanSummary> {
     return this.#json("plans", { method: "POST", content: request, signal });
   }
 
-  /** Begins an experiment; its id. */
+  /** Begins an experiment; returns its id. */
   async create(request: ExperimentRequest): Promise<string> {
     return (await this.#json<ExperimentCreated>("experiments", { method: "POST", content: request })).id;
   }
@@ -51,10 +51,10 @@ export class StoreApi {
   /** Gives up a page's reserved run, even while the page unloads. */
   release(id: string, page: string): void {
     const url = `${this.base}/${this.#path(id)}/pages/${page}`;
-    void fetch(url, { method: "DELETE", keepalive: true }).catch(() => undefined); // the run is free after a while
+    void fetch(url, { method: "DELETE", keepalive: true }).catch(() => undefined); // the store frees the run after a while
   }
 
-  /** Keeps one run, which is incomplete until `complete`. */
+  /** Stores one run, which is incomplete until `complete`. */
   add(id: string, run: string, upload: RunUpload): Promise<RunRow> {
     return this.#json(this.#run(id, run), { method: "PUT", content: upload, timeout: LONG_TIMEOUT });
   }
@@ -64,12 +64,12 @@ export class StoreApi {
     await this.#blob(`${this.#run(id, run)}/captures/${name}`, { method: "PUT", body: png });
   }
 
-  /** Completes a run that has all its captures. */
+  /** Completes a run once all its captures are uploaded. */
   complete(id: string, run: string): Promise<RunRow> {
     return this.#json(`${this.#run(id, run)}/complete`, { method: "POST", timeout: LONG_TIMEOUT });
   }
 
-  /** Which pictures of a run's samples it has. */
+  /** The pictures of a run's samples that the store has. */
   uploadedSamples(id: string, run: string): Promise<UploadedSamples> {
     return this.#json(`${this.#run(id, run)}/uploaded-samples`);
   }
@@ -78,7 +78,7 @@ export class StoreApi {
     await this.#blob(`${this.#run(id, run)}/samples/${name}`, { method: "PUT", body: picture, signal });
   }
 
-  /** Says which samples there are, once all of their pictures are. */
+  /** Reports all samples, once their pictures are uploaded. */
   async completeSamples(id: string, run: string, samples: readonly Sample[]): Promise<void> {
     await this.#blob(`${this.#run(id, run)}/samples`, { method: "PUT", content: { samples } });
   }
@@ -91,7 +91,7 @@ export class StoreApi {
     return this.#blob(`${this.#run(id, run)}/samples/${encodeURIComponent(name)}`);
   }
 
-  /** How far rendering the samples again is; with POST it begins or goes on, with DELETE it stops and keeps the results so far. */
+  /** Progress of rendering the samples again; POST starts or continues it, DELETE stops it and keeps the results so far. */
   materialisation(id: string, method: "GET" | "POST" | "DELETE" = "GET"): Promise<Materialisation> {
     return this.#json(`${this.#path(id)}/materialise`, { method });
   }

@@ -16,7 +16,7 @@ const UPLOAD_TIMEOUT = 120_000;
 export class ShaperApi {
   readonly base: string;
 
-  /** `base` is the shaper's URL, with or without a slash at its end. */
+  /** `base` is the shaper's URL, with or without a trailing slash. */
   constructor(base: string) {
     this.base = base.replace(/\/+$/, "");
   }
@@ -29,7 +29,7 @@ export class ShaperApi {
     return this.#call(`traces/${encodeURIComponent(name)}`);
   }
 
-  /** Keeps a trace of a person's own, in any format that `tigas trace import` reads; large ones take a while. */
+  /** Uploads a trace in any format that `tigas trace import` reads; large ones take a while. */
   upload(file: File): Promise<TraceSummary> {
     return this.#ask(`traces?name=${encodeURIComponent(file.name)}`, {
       method: "POST",
@@ -50,7 +50,7 @@ export class ShaperApi {
     return this.#call("resume", {});
   }
 
-  /** Go to a position in the trace, in milliseconds. */
+  /** Seeks to a position in the trace, in milliseconds. */
   seek(position_ms: number): Promise<ShaperStatus> {
     return this.#call("seek", { position_ms });
   }
@@ -72,7 +72,7 @@ export class ShaperApi {
     return this.#call("link", setting);
   }
 
-  /** One sentence on an unreachable shaper; browsers do not report a refusal because of the origin. */
+  /** One sentence on an unreachable shaper; browsers do not report refused origins. */
   get silence(): string {
     return `The shaper at ${this.base} is not responding, or does not allow this page.`;
   }

@@ -25,7 +25,7 @@ export function draftOf({ down_kbps, up_kbps, delay_ms = 0, jitter_ms = 0, loss_
   };
 }
 
-/** The setting, or the error of each field. The round trip is the delay of both directions; jitter applies to each. */
+/** The setting, or the errors by field. The round trip is the delay of both directions; jitter applies to each. */
 export function parseLink(draft: LinkDraft): { setting: LinkSetting } | { problems: LinkProblems } {
   const values: Partial<Record<LinkField, number>> = {};
   const problems: Partial<Record<LinkField, string>> = {};

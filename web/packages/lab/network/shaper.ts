@@ -7,7 +7,7 @@ import { append, type Column, noColumns } from "#viewer/charts/history";
 import type { Stats } from "#viewer/stateless/stats";
 import { ShaperApi } from "./api";
 
-/** Towards the client, Mbit/s: target, delivered. */
+/** Rates towards the client in Mbit/s: target, delivered. */
 export function rates({ down }: ShaperStatus): Column {
   return [down.target_kbps / 1000, down.delivered_kbps / 1000];
 }
@@ -17,7 +17,7 @@ export function frames({ frame, roundTrip, shown }: Stats, shownBefore: number):
   return frame && shown !== shownBefore ? [frame.bytes / 1000, roundTrip] : [null, null];
 }
 
-/** A step function's outline as an SVG path over a box, the highest value at its top. */
+/** A step function's outline as an SVG path in a box, with the highest value at the top. */
 export function stepPath(
   times: readonly number[],
   values: readonly number[],
@@ -32,18 +32,18 @@ export function stepPath(
   return steps.join("");
 }
 
-/** EventSource reconnects by itself, except after an error response; then we do, after this many milliseconds. */
+/** EventSource reconnects automatically, except after an error response; then we do, after this many milliseconds. */
 const RETRY = 5000;
 
 export class Shaper {
   readonly api: ShaperApi;
   readonly traces = signal<readonly TraceSummary[]>([]);
-  /** Traces to be drawn, by name, as they come. */
+  /** Traces to draw, by name, filled as they arrive. */
   readonly plots = signal<ReadonlyMap<string, TracePoints>>(new Map());
-  /** Null while the link is not seen. */
+  /** Null while the link's state is unknown. */
   readonly status = signal<ShaperStatus | null>(null);
   readonly rates = signal(noColumns(2));
-  /** Why the link cannot be seen, in one sentence. */
+  /** Why the link's state is unknown, in one sentence. */
   readonly connectionError = signal<string | null>(null);
   /** Reason why the user's last action failed. */
   readonly actionError = signal<string | null>(null);
@@ -60,7 +60,7 @@ export class Shaper {
     if (this.connectionError.value === null) this.#watch();
   }
 
-  /** Performs a user's action, or reports the reason of its failure. */
+  /** Performs a user's action, or reports the reason for its failure. */
   async act(ask: (api: ShaperApi) => Promise<ShaperStatus>): Promise<void> {
     try {
       this.status.value = await ask(this.api);

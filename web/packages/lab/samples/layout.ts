@@ -1,5 +1,5 @@
 /**
- * Layout of a run's samples in the browser's private files (OPFS), until a store has them:
+ * Layout of a run's samples in the browser's private files (OPFS), until they are uploaded:
  *
  *     samples/KEY/run.json             the run they belong to (`About`)
  *     samples/KEY/samples.ndjson       one Sample per line, written after its pictures
@@ -15,7 +15,7 @@ const AboutSchema = v.object({
   /** The store's names of experiment and run. */
   experiment: v.string(),
   run: v.string(),
-  /** Whether the store has this attempt at the run. */
+  /** Whether the store has this attempt of the run. */
   stored: v.boolean(),
   title: v.string(),
   started_unix_ms: v.number(),

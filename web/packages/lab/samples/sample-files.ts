@@ -8,7 +8,7 @@ import { ABOUT, type About, enhancedName, INDEX, jpegName } from "./layout";
 export class SampleFiles {
   readonly #folder: FileSystemDirectoryHandle;
   readonly #index: FileSystemSyncAccessHandle;
-  /** Bytes of the index. */
+  /** Size of the index, in bytes. */
   #end = 0;
 
   private constructor(folder: FileSystemDirectoryHandle, index: FileSystemSyncAccessHandle) {
@@ -16,7 +16,7 @@ export class SampleFiles {
     this.#index = index;
   }
 
-  /** Begins in an empty folder; rejects if another tab writes there. */
+  /** Starts in an empty folder; rejects if another tab is writing there. */
   static async create(folder: FileSystemDirectoryHandle, about: About | null): Promise<SampleFiles> {
     const file = await folder.getFileHandle(INDEX, { create: true });
     const index = await file.createSyncAccessHandle();
@@ -68,7 +68,7 @@ async function write(folder: FileSystemDirectoryHandle, name: string, content: B
   }
 }
 
-/** A full disk accepts a part without an error. */
+/** Writes all of it or fails: a full disk accepts a part without an error. */
 function writeAll(handle: FileSystemSyncAccessHandle, content: BufferSource, at: number): void {
   if (handle.write(content, { at }) < content.byteLength) {
     throw new DOMException("The disk is full.", "QuotaExceededError");

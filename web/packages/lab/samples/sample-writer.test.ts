@@ -8,7 +8,7 @@ let room: number;
 let fails: string | null;
 let asked: string[];
 
-/** Performs its requests, or fails with an error of the given name. */
+/** A worker that performs its requests, or fails with an error of the given name. */
 class FakeWorker {
   onmessage: ((event: object) => void) | null = null;
   onerror = null;

@@ -1,4 +1,4 @@
-/** A run's samples on their way into the private file system: this run's own folder, lock and worker. */
+/** Writes a run's samples into the private file system, with a folder, lock and worker for the run. */
 import { WorkerCalls } from "#client/async/worker-calls";
 import type { Sample } from "#client/wire/store";
 import type { About } from "./layout";
@@ -13,11 +13,11 @@ export type SampleRequest =
 /** Reason why storing is impossible, in one sentence. */
 export class SamplesRefused extends Error {}
 
-/** With less room than this, sampling does not begin: a run takes tens of megabytes. */
+/** Least free space for sampling, in bytes: a run takes tens of megabytes. */
 const ROOM_AT_LEAST = 20_000_000;
 
 export class SampleWriter {
-  /** Of the folder. */
+  /** Name of the folder. */
   readonly key: string;
   readonly #calls: WorkerCalls<SampleRequest, number>;
   readonly #release: () => void;
@@ -28,7 +28,7 @@ export class SampleWriter {
     this.#release = release;
   }
 
-  /** Rejects with SamplesRefused where the browser keeps no files, or has no room for them. */
+  /** Rejects with SamplesRefused if the browser stores no files, or has no room for them. */
   static async open(about: About | null): Promise<SampleWriter> {
     const { key, all, release } = await refusing(async () => {
       const { quota = Number.POSITIVE_INFINITY, usage = 0 } = await navigator.storage.estimate();
@@ -50,13 +50,13 @@ export class SampleWriter {
     return new SampleWriter(key, calls, release);
   }
 
-  /** Takes the enhanced picture for good. How many bytes the two have; rejects with SamplesRefused. */
+  /** Stores a sample and takes over the enhanced picture. Returns the bytes of both; rejects with SamplesRefused. */
   keep(sample: Sample, jpeg: Blob, enhanced: ImageBitmap | null): Promise<number> {
     const transfer = enhanced ? [enhanced] : [];
     return refusing(() => this.#calls.call({ kind: "keep", sample, jpeg, enhanced }, transfer));
   }
 
-  /** Afterwards the folder is anybody's. */
+  /** Closes the folder, which other tabs may then use. */
   async close(): Promise<void> {
     await this.#calls.call({ kind: "end" }).catch(() => undefined);
     this.#calls.dispose();
@@ -64,7 +64,7 @@ export class SampleWriter {
   }
 }
 
-/** Updates the run of a closed folder's samples. */
+/** Updates the description of a closed folder's run. */
 export async function describeSamples(key: string, about: About): Promise<void> {
   const calls = startWorker();
   try {

@@ -25,7 +25,7 @@ async function answer(request: SampleRequest): Promise<number> {
       files = await SampleFiles.create(request.folder, request.about);
       return 0;
     case "keep":
-      if (files === undefined) throw new Error("no run is sampled");
+      if (files === undefined) throw new Error("no run is being sampled");
       return files.keep(request.sample, request.jpeg, request.enhanced && (await encoded(request.enhanced)));
     case "describe":
       await describe(request.folder, request.about);
@@ -37,7 +37,7 @@ async function answer(request: SampleRequest): Promise<number> {
   }
 }
 
-/** Without loss. (Not every browser's WebP is.) */
+/** Encodes a picture losslessly, which not every browser's WebP is. */
 async function encoded(picture: ImageBitmap): Promise<Blob> {
   const canvas = new OffscreenCanvas(picture.width, picture.height);
   canvas.getContext("2d", { alpha: false })?.drawImage(picture, 0, 0);

@@ -1,28 +1,28 @@
-/** Runs with samples in this browser that no store has yet. */
+/** Runs with samples in this browser that have not been uploaded yet. */
 import type { Sample } from "#client/wire/store";
 import { ABOUT, type About, enhancedName, FOLDER, INDEX, jpegName, readAbout } from "./layout";
 
 export interface SampledRun {
-  /** Of its folder. */
+  /** Name of its folder. */
   readonly key: string;
-  /** Null where the folder does not say. */
+  /** Null if the folder has no valid description. */
   readonly about: About | null;
   readonly samples: readonly Sample[];
   /** The samples' pictures by name. */
   readonly pictures: ReadonlyMap<string, File>;
-  /** Of these. */
+  /** Total bytes of the pictures. */
   readonly bytes: number;
-  /** A tab samples or uploads them at the moment. */
+  /** Whether a tab is sampling or uploading them. */
   readonly busy: boolean;
 }
 
-/** Rejects where the browser keeps no files. */
+/** Rejects if the browser stores no files. */
 export async function samplesFolder(): Promise<FileSystemDirectoryHandle> {
   const root = await navigator.storage.getDirectory();
   return root.getDirectoryHandle(FOLDER, { create: true });
 }
 
-/** All of them, the oldest first; none where the browser keeps no files. */
+/** All of them, oldest first; empty if the browser stores no files. */
 export async function listSampledRuns(): Promise<readonly SampledRun[]> {
   let all: FileSystemDirectoryHandle;
   try {
@@ -47,7 +47,7 @@ export async function removeSampledRun(key: string): Promise<void> {
   await (await samplesFolder()).removeEntry(key, { recursive: true });
 }
 
-/** Keeps all other tabs, and this one, from a folder until the function that this returns is called; null if another has it. */
+/** Locks a folder against all tabs, this one included; returns a function that unlocks it, or null if it is already locked. */
 export function hold(key: string): Promise<(() => void) | null> {
   return new Promise((resolve, reject) => {
     const held = (lock: Lock | null) => {
@@ -79,7 +79,7 @@ function pictureNames(sample: Sample, files: ReadonlyMap<string, File>): [string
   return names.map((name) => [name, files.get(name)]);
 }
 
-/** Skips a line truncated by a closed tab. */
+/** Reads the index, skipping a last line that a closed tab truncated. */
 function readIndex(text: string): Sample[] {
   const lines = text.split("\n").slice(0, -1);
   return lines.map((line) => JSON.parse(line) as Sample);

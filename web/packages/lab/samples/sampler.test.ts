@@ -15,7 +15,7 @@ const frame = (seq: number, at = 1000 + 20 * seq): ShownFrame => ({
   enhanced: null,
 });
 
-/** Keeps only the samples that a test allows. */
+/** A writer that stores only the samples that a test allows. */
 class FakeWriter {
   readonly key = "a-run";
   readonly kept: Sample[] = [];

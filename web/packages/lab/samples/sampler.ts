@@ -1,4 +1,4 @@
-/** Keeps every n-th frame that a run shows, and never makes the page wait for it. */
+/** Stores every nth frame that a run shows, without ever making the page wait. */
 
 import type { Sample } from "#client/wire/store";
 import { OFF } from "#viewer/enhance/model/enhancer";
@@ -7,23 +7,23 @@ import type { About } from "./layout";
 import { SamplesRefused, SampleWriter } from "./sample-writer";
 
 export interface Sampled {
-  /** Key of their folder; null without one. */
+  /** Key of the folder; null without one. */
   readonly key: string | null;
   readonly kept: number;
-  /** That were due and are not there, as of a disk that is too slow. */
+  /** Number of samples that were due but are missing, for example because the disk is too slow. */
   readonly missed: number;
-  /** Why it ended before the run, in one sentence. */
+  /** Why sampling ended before the run, in one sentence. */
   readonly problem: string | null;
 }
 
-/** Why there are fewer samples than there were to be, in one sentence; null if there are not. */
+/** Why there are fewer samples than intended, in one sentence; null if there are not. */
 export function whyFewer({ problem, missed, kept }: Sampled): string | null {
   return problem ?? (missed === 0 ? null : `Of ${kept + missed} samples, ${missed} could not be stored.`);
 }
 
-/** Samples that are being written; with more of them, a browser's memory would fill. */
+/** The most samples being written at once; more would fill the browser's memory. */
 const MOST_WAITING = 16;
-/** A run's samples, for upload to a store. */
+/** The most samples of a run that a store accepts. */
 const MOST_SAMPLES = 10_000;
 
 type Writer = Pick<SampleWriter, "key" | "keep" | "close">;
@@ -45,7 +45,7 @@ export class Sampler {
     this.#problem = problem;
   }
 
-  /** The run continues if nothing can be stored. */
+  /** Opens storage for samples; the run continues if nothing can be stored. */
   static async open(
     about: About | null,
     stride: number,
@@ -68,7 +68,7 @@ export class Sampler {
     if (this.#startedAt === undefined || this.#writer === null || this.#problem !== null) return;
     if (this.#shown++ % this.#stride !== 0) return;
     const { seq } = frame.asked;
-    // A new connection counts anew, and a sample's number is its name.
+    // A new connection restarts the numbers, and a sample's number is its name.
     if (this.#waiting.size >= MOST_WAITING || this.#seqs.size >= MOST_SAMPLES || this.#seqs.has(seq)) {
       this.#missed++;
       return;
@@ -85,7 +85,7 @@ export class Sampler {
     this.#waiting.add(kept);
   }
 
-  /** Once all is written. */
+  /** Resolves once all samples are written. */
   async finish(): Promise<Sampled> {
     await Promise.all(this.#waiting);
     await this.#writer?.close();
