@@ -185,7 +185,7 @@ test.each<[string, (viewer: Viewer, stage: HTMLElement) => void]>([
   const ended = viewer.path(keyframes, { loop: true });
   await host.frames(31);
   if (stage) press(stage, "KeyT"); // moves nothing
-  expect(viewer.camera.position[0]).toBeCloseTo(3); // half way for the second time
+  expect(viewer.camera.position[0]).toBeCloseTo(3); // halfway for the second time
   if (stage) end(viewer, stage);
   await host.frames(1);
   await expect(ended).resolves.toBe(false);

@@ -20,7 +20,7 @@ export interface ViewerOptions {
   /** URL of the server; by default the page's own. */
   readonly server?: string;
   readonly settings?: Partial<ViewerSettings>;
-  /** Where the camera begins; by default the scene's start view. */
+  /** Initial pose of the camera; by default the scene's start view. */
   readonly camera?: ScenePose;
   /** Text for assistive technology. */
   readonly label?: string;
@@ -58,7 +58,7 @@ export class Viewer extends ViewerControl {
   }
 }
 
-/** The URL without a slash at its end; empty for the page's own server. Throws for anything but the URL of a server. */
+/** The URL without a trailing slash; empty for the page's own server. Throws if it is not a server's URL. */
 function absolute(server: string): string {
   if (server === "") return server;
   const url = parsed(server);
@@ -76,7 +76,7 @@ function parsed(url: string): URL | null {
   }
 }
 
-/** Shows a scene in an element, which it fills, until it is destroyed. Throws if an option makes no sense. */
+/** Shows a scene in an element, which it fills, until it is destroyed. Throws if an option is invalid. */
 export function createViewer(container: HTMLElement, options: ViewerOptions): Viewer {
   return new Viewer(container, options);
 }

@@ -18,7 +18,7 @@ import { shadowOf } from "./embed/stage";
 
 const TAG = "tigas-viewer";
 const EVENTS = ["loaded", "frame", "stats", "error"] as const;
-/** Stands in where there are no elements. */
+/** Base class, with a stand-in where there are no elements. */
 const Base = (globalThis.HTMLElement ?? class {}) as typeof HTMLElement;
 
 interface Parts {
@@ -28,7 +28,7 @@ interface Parts {
   readonly toolbar: HTMLElement;
 }
 
-/** Attributes that a viewer follows: read, which throws for nonsense, and applied. */
+/** Attributes that a viewer follows, with functions that read one, throwing if it is invalid, and apply it. */
 const APPLIED: Readonly<Record<string, (of: Attributes) => (viewer: Viewer) => void>> = {
   mode: (of) => {
     const settings = attributeMode(of);
@@ -54,7 +54,7 @@ export class TigasViewer extends Base {
   #reopening = false;
   #messages = { invalid: "", problem: "" };
 
-  /** Controls the view by code; null while the element is in no document or names no scene. */
+  /** Controls the view by code; null while the element is not in a document or names no scene. */
   get viewer(): Viewer | null {
     return this.#viewer;
   }
@@ -109,7 +109,7 @@ export class TigasViewer extends Base {
     this.#apply(viewer);
   }
 
-  /** A viewer of the scene; null if `src` makes no sense. */
+  /** Creates a viewer of the scene; null if `src` is invalid. */
   #create(view: HTMLElement, scene: string): Viewer | null {
     const label = this.getAttribute("aria-label") ?? scene;
     try {
@@ -137,7 +137,7 @@ export class TigasViewer extends Base {
     });
   }
 
-  /** Applies the attributes `mode`, `quality` and `at`, or only the changed one, and reports any that make no sense. */
+  /** Applies the attributes `mode`, `quality` and `at`, or only the changed one, and reports any that are invalid. */
   #apply(viewer: Viewer, changed?: string): void {
     let invalid: unknown = null;
     for (const [name, read] of Object.entries(APPLIED)) {
@@ -152,14 +152,14 @@ export class TigasViewer extends Base {
     else this.#refuse(invalid);
   }
 
-  /** Says which attribute makes no sense. */
+  /** Reports an invalid attribute. */
   #refuse(error: unknown): void {
     const message = error instanceof Error ? error.message : String(error);
     this.#say({ invalid: message });
     this.#tell("error", { code: "invalid", message });
   }
 
-  /** Shows why there is no picture, or which attribute is wrong; a message that is left out stays. */
+  /** Shows why there is no picture, or which attribute is wrong; an omitted message is kept. */
   #say(messages: { readonly invalid?: string; readonly problem?: string }): void {
     this.#messages = { ...this.#messages, ...messages };
     const text = this.#messages.invalid || this.#messages.problem;

@@ -10,12 +10,12 @@ import { TimeWindow } from "../view/window";
  * Distribution of latencies, in bins of equal width on a logarithmic axis, so that 40 ms and 2 s fit into one chart.
  */
 
-/** The axis, in milliseconds. */
+/** Range of the axis, in milliseconds. */
 export const LATENCY_RANGE_MS = [10, 5000] as const;
 const BINS_PER_DECADE = 12;
 const COUNT = Math.ceil(Math.log10(LATENCY_RANGE_MS[1] / LATENCY_RANGE_MS[0]) * BINS_PER_DECADE);
 
-/** Where each bin begins, in milliseconds. */
+/** Lower bounds of the bins, in milliseconds. */
 export const LATENCY_BINS_MS: readonly number[] = Array.from(
   { length: COUNT },
   (_, i) => LATENCY_RANGE_MS[0] * 10 ** (i / BINS_PER_DECADE),
@@ -35,20 +35,20 @@ function histogram(values: readonly number[]): readonly (number | null)[] {
   return counts.map((count) => (100 * count) / values.length);
 }
 
-/** Seconds. */
+/** Length of the charts, in seconds. */
 export const SPAN_S = 60;
 /** No line is drawn across a longer time without samples, in seconds. */
 const GAP = 2;
 
 export type Column = readonly (number | null)[];
-/** Times in seconds, rising; and the values of each quantity at them. */
+/** Ascending times in seconds, and the values of each quantity at these times. */
 export type Columns = readonly [times: readonly number[], ...values: Column[]];
 
 export function noColumns(quantities: number): Columns {
   return [[], ...Array.from({ length: quantities }, () => [])];
 }
 
-/** The columns with an additional sample, without those older than the span. */
+/** The columns with an additional sample, without samples older than the span. */
 export function append(columns: Columns, time: number, values: Column): Columns {
   const [times, ...series] = columns;
   const last = times.at(-1);
@@ -64,17 +64,17 @@ export function append(columns: Columns, time: number, values: Column): Columns 
 /** Present figures of each picture's meter, from left to right; null without a picture. */
 export type SideFigures = readonly (Figures | null)[];
 
-/** Figures that are kept over time. */
+/** Figures that are sampled over time. */
 const SAMPLED = {
   /** Mbit/s. */
   bandwidth: ({ bandwidth }: Figures) => bandwidth / 1e6,
-  /** Seconds stalled since the side began. */
+  /** Seconds stalled since the side started. */
   stalled: ({ stalls }: Figures) => stalls.time / 1000,
   /** New views a second. */
   newViews: ({ newViewsPerSecond }: Figures) => newViewsPerSecond,
   /** Lines of pixels in the picture. */
   lines: ({ picture }: Figures) => picture?.height ?? null,
-  /** Milliseconds of a stream that wait to be shown. */
+  /** Buffered milliseconds of a stream. */
   buffered: ({ buffered }: Figures) => buffered,
 } satisfies Readonly<Record<string, (of: Figures) => number | null>>;
 
@@ -94,12 +94,12 @@ export class ComparisonHistory {
     this.series = Object.fromEntries(series) as ComparisonHistory["series"];
   }
 
-  /** A frame of picture number `side` is on the screen. */
+  /** Records a frame of picture number `side` on the screen. */
   presented(side: number, { at, latencies }: Pick<PresentedFrame, "at" | "latencies">): void {
     for (const latency of latencies) this.#latencies[side]?.add(latency, at);
   }
 
-  /** Take a sample of all; `now` in milliseconds. */
+  /** Samples all pictures; `now` in milliseconds. */
   sample(figures: SideFigures, now: number): void {
     this.latency.value = [LATENCY_BINS_MS, ...this.#latencies.map((window) => histogram(window.values(now)))];
     for (const name of NAMES) {

@@ -4,7 +4,7 @@ import { WalkRecorder } from "./walk";
 
 const NO_FIGURES = { ...NOTHING, contentAge: 50 };
 
-/** Walks from `from` to `to` and is looked at for two seconds more; the left side shows 40 new views a second, and the right one 20. */
+/** Walks from `from` to `to` and is observed for two more seconds; the left side shows 40 new views a second, and the right one 20. */
 function walk(recorder: WalkRecorder, from: number, to: number): void {
   for (let now = from; now <= to + 2250; now += 250) {
     const moved = Math.min(now, to);
@@ -86,7 +86,7 @@ test("a walk counts from the first picture of a side that comes while it goes on
     one.sampled(moved, moved);
     one.presented(0, { latencies: [20] });
     const stateless = { ...NO_FIGURES, shown: moved, newViews: moved };
-    // Not opened, then opened, and played from the third second on.
+    // Not open at first, then open, and playing from the third second on.
     const stream = now < 1000 ? null : { ...NO_FIGURES, shown: Math.max(0, moved - 3000) };
     if (stream?.shown) one.presented(1, { latencies: [150] });
     one.sample([stateless, stream && { ...stream, newViews: stream.shown }], now);

@@ -9,17 +9,17 @@ import type { SideFigures } from "./history";
 
 /** Standing still for this long ends a walk; frames in flight have arrived by then (ms). */
 const STILL_AFTER = 2000;
-/** Shorter ones say little (ms). */
+/** Shorter walks are ignored (ms). */
 const SHORTEST = 3000;
 
 export interface WalkedSide {
-  /** Pose changes that it answered. */
+  /** Number of pose changes that it answered. */
   readonly inputs: number;
   /** Age of the pixels on the screen: median while the camera moved, in milliseconds. */
   readonly contentAge: number;
   /** Motion to photon, or the view's latency where pictures are turned: median and 95th percentile, in milliseconds. */
   readonly latency: { readonly p50: number; readonly p95: number };
-  /** 0 if all that it showed was turned from a picture of before. */
+  /** 0 if it only showed turned versions of an earlier picture. */
   readonly newViewsPerSecond: number;
   /** Bits per second. */
   readonly bandwidth: number;
@@ -46,7 +46,7 @@ interface Going {
   readonly before: SideFigures;
   readonly latencies: readonly number[][];
   readonly contentAges: readonly number[][];
-  /** Sides that began anew, by number. */
+  /** Sides that restarted, by number. */
   readonly restarted: Set<number>;
   latest: SideFigures;
   movedAt: number;
@@ -55,7 +55,7 @@ interface Going {
 }
 
 export class WalkRecorder {
-  /** Stays until the next one has ended; null before the first. */
+  /** The last walk, kept until the next one ends; null before the first. */
   readonly last = signal<Walk | null>(null);
   #pose: number | null = null;
   #movedAt = Number.NEGATIVE_INFINITY;
@@ -70,24 +70,24 @@ export class WalkRecorder {
     return this.#movedAt;
   }
 
-  /** The camera is at pose number `pose`; `at` in milliseconds. */
+  /** Records that the camera is at pose number `pose`; `at` in milliseconds. */
   sampled(pose: number, at: number): void {
     if (this.#pose !== null && pose !== this.#pose) this.#movedAt = at;
     this.#pose = pose;
   }
 
-  /** The page was hidden: what was going on is not one walk. */
+  /** Drops a walk that was interrupted because the page was hidden. */
   resumed(): void {
     this.#going = null;
     this.#movedAt = Number.NEGATIVE_INFINITY;
   }
 
-  /** A frame of picture number `side` is on the screen. */
+  /** Records a frame of picture number `side` on the screen. */
   presented(side: number, { latencies }: Pick<PresentedFrame, "latencies">): void {
     this.#going?.latencies[side]?.push(...latencies);
   }
 
-  /** Take a sample of all, several times a second; `now` in milliseconds. */
+  /** Samples all sides, several times a second; `now` in milliseconds. */
   sample(figures: SideFigures, now: number): void {
     const going = this.#going;
     if (going === null) {
@@ -101,7 +101,7 @@ export class WalkRecorder {
       pictures(latest, side) === 0 && pictures(figures, side) > 0 && !restarted.has(side);
     const moving = this.#movedAt > going.movedAt;
     if (moving && [...figures.keys()].some(arrives)) {
-      this.#going = null; // the comparable part starts here
+      this.#going = null; // the comparable part of the walk starts here
     } else if (moving) {
       going.movedAt = this.#movedAt;
       going.moved = figures;
@@ -119,12 +119,12 @@ function begun(figures: SideFigures, movedAt: number): Going {
   return { from: movedAt, movedAt, before: figures, moved: figures, latest: figures, ...perSide, restarted: new Set() };
 }
 
-/** How many a side has shown so far. */
+/** Number of pictures that a side has shown so far. */
 function pictures(figures: SideFigures, side: number): number {
   return figures[side]?.shown ?? 0;
 }
 
-/** `after`: once all that was on its way has been shown. */
+/** Figures of a walk; `after` is sampled once everything in flight has been shown. */
 function ended({ from, movedAt, before, moved, latencies, contentAges, restarted }: Going, after: SideFigures): Walk {
   const duration = movedAt - from;
   const sides = latencies.map((times, side): WalkedSide | Unmeasured => {

@@ -5,12 +5,12 @@ import { type CameraPath, cameraPath, type Easing } from "../movement/camera-pat
 import type { ViewerSession } from "../session/session";
 import type { ScenePose } from "../view/camera";
 
-/** Duration of the way to a pose, in milliseconds. */
+/** Default duration of a flight to a pose, in milliseconds. */
 const USUAL_DURATION = 1000;
 
 type Traveller = Pick<ViewerSession, "rig" | "stage">;
 
-/** Whether the camera has reached the end of the path; settles when the journey is over. */
+/** Resolves, when the journey is over, to whether the camera reached the end of the path. */
 export function travel({ rig, stage }: Traveller, path: CameraPath, loop = false): Promise<boolean> {
   const { promise, resolve } = deferred<boolean>();
   let startedAt: number | null = null;

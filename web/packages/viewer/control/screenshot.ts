@@ -1,4 +1,4 @@
-/** The present view as a file at full quality: rendered anew by the server, in any size. */
+/** The current view as a file at full quality, rendered again by the server in any size. */
 import { sleep } from "#client/async/retry";
 import { RequestProblem } from "#client/transport/transport";
 import { losslessView } from "../quality/ground-truth";
@@ -13,7 +13,7 @@ const ATTEMPTS = 4;
 type Visit = Pick<ViewerSession, "rig" | "scene" | "state" | "pixelRatio">;
 
 /**
- * A PNG of the view; `size` is in pixels, by default the screen's. A side that is left out follows from the other. Rejects with the
+ * A PNG of the view; `size` is in pixels, by default the screen's. An omitted side follows from the other. Rejects with the
  * reason, in one sentence for the user.
  */
 export async function screenshot(
@@ -26,7 +26,7 @@ export async function screenshot(
   return camera(visit, sizeFor(rig.viewport.peek(), size, pixelRatio.peek()))(pose, signal);
 }
 
-/** Takes PNGs of any pose with the present lens, in a size. */
+/** A function that takes PNGs of any pose, with the current lens and in one size. */
 export function camera(
   { rig, scene, state }: Visit,
   size: Viewport,
@@ -55,7 +55,7 @@ export function sizeFor(view: Viewport, { width, height }: Partial<Viewport>, pi
   return { width: width ?? Math.round(view.width * scale), height: height ?? Math.round(view.height * scale) };
 }
 
-/** Shows as much from top to bottom as the view; another shape shows more or less at the sides. */
+/** Keeps the view's vertical field of view; another aspect ratio shows more or less at the sides. */
 function lensFor(view: Intrinsics & Viewport, { width, height }: Viewport): Intrinsics & Viewport {
   const scale = height / view.height;
   return {

@@ -7,7 +7,7 @@ vi.mock("mediabunny");
 vi.mock("./screenshot", async (original) => ({ ...(await original<object>()), camera: vi.fn() }));
 
 const VISIT = { rig: { viewport: { peek: () => ({ width: 641, height: 360 }) } } } as never;
-/** A second along the x axis. */
+/** A movement of one second along the x axis. */
 const PATH = {
   duration: 1000,
   at: (time: number) => ({ position: [time, 0, 0], quaternion: [0, 0, 0, 1] }) as never,

@@ -5,11 +5,11 @@ import type { Viewport } from "../view/intrinsics";
 import { camera, sizeFor } from "./screenshot";
 
 export interface VideoOptions extends Partial<Viewport> {
-  /** 30 by default. */
+  /** Frame rate, 30 by default. */
   readonly framesPerSecond?: number;
-  /** Told the share of frames that are done, 0 to 1. */
+  /** Called with the share of finished frames, 0 to 1. */
   readonly onProgress?: (share: number) => void;
-  /** Cancels: the promise rejects with its reason. */
+  /** Cancels the export; the promise rejects with its reason. */
   readonly signal?: AbortSignal;
 }
 

@@ -16,12 +16,12 @@ import type { ViewerSettings } from "./viewer-settings";
 
 /**
  * Why there is no picture: the server is away or full, the scene cannot be shown, or the mode is not available; `invalid`: an
- * attribute of the element makes no sense.
+ * attribute of the element is invalid.
  */
 export type ViewerErrorCode = "lost" | "full" | "failed" | "unavailable" | "invalid";
 
 export interface ViewerEvents {
-  /** The scene is there, and the camera in it. */
+  /** The scene can be shown, and the camera is in it. */
   readonly loaded: SceneInfo;
   /** A frame is on the screen. */
   readonly frame: PresentedFrame;
@@ -51,7 +51,7 @@ export class ViewerControl {
     }
     return null;
   });
-  /** Where the camera begins once the scene is loaded. */
+  /** Initial pose of the camera once the scene is loaded. */
   #start: ScenePose | null = null;
 
   /** @internal */
@@ -62,13 +62,13 @@ export class ViewerControl {
     });
   }
 
-  /** The camera's present pose in the scene's own frame, camera to world. */
+  /** The camera's current pose in the scene's own frame, camera to world. */
   get camera(): ScenePose {
     const { position, quaternion } = this.#session.rig.pose;
     return { position: [...position], quaternion: [...quaternion] };
   }
 
-  /** Puts the camera at a pose, upright; before the scene is loaded, where it will begin. */
+  /** Moves the camera to a pose, upright; before the scene is loaded, sets its initial pose. */
   set camera(pose: ScenePose) {
     const { rig, scene } = this.#session;
     this.#start = pose;
@@ -81,12 +81,12 @@ export class ViewerControl {
     return this.#session.state.settings.peek();
   }
 
-  /** Changes settings; the rest stays. Throws if one does not exist or make sense. */
+  /** Changes settings; the others are kept. Throws if one is unknown or invalid. */
   set(settings: Partial<ViewerSettings>): void {
     this.#session.state.settings.value = validSettings({ ...this.settings, ...settings });
   }
 
-  /** Puts the camera at the scene's start view. */
+  /** Moves the camera to the scene's start view. */
   reset(): void {
     const { rig } = this.#session;
     this.#start = null;
@@ -95,14 +95,14 @@ export class ViewerControl {
   }
 
   /**
-   * Moves the camera to a pose in `duration` milliseconds. Resolves to true when it is there, or to false when the user or
-   * another call took the camera over.
+   * Moves the camera to a pose in `duration` milliseconds. Resolves to true on arrival, or to false when the user or another
+   * call takes over the camera.
    */
   animate(to: ScenePose, options: { readonly duration?: number; readonly easing?: Easing } = {}): Promise<boolean> {
     return travelTo(this.#session, to, options);
   }
 
-  /** Moves the camera along keyframes; with `loop`, again and again. Resolves as `animate`. */
+  /** Moves the camera along keyframes; with `loop`, repeatedly. Resolves like `animate`. */
   path(
     keyframes: readonly TimedPose[],
     { loop = false, easing = "linear" }: { readonly loop?: boolean; readonly easing?: Easing } = {},
@@ -146,7 +146,7 @@ export class ViewerControl {
     return stopOnce;
   }
 
-  /** Ends its movements, subscriptions, and pictures and videos that are being made. */
+  /** Ends its movements and subscriptions, and cancels pictures and videos in progress. */
   destroy(): void {
     this.#end.abort(new Error("The viewer was closed."));
     this.#session.rig.drive(null);

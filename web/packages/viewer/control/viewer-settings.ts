@@ -1,4 +1,4 @@
-/** The settings of a viewer as a type that needs no other package: declarations write it out. */
+/** The settings of a viewer as a type that needs no other package: the declarations spell it out. */
 import { DEFAULT_SETTINGS } from "../state/settings";
 
 const written = () => ({ ...DEFAULT_SETTINGS });

@@ -8,12 +8,12 @@ import { openPoseSocket } from "./pose-socket";
 import type { DashPlan } from "./presets";
 import { SegmentProtocols } from "./segment-protocols";
 
-/** For the handshake. */
+/** Time limit of the handshake, in milliseconds. */
 const H3_TIMEOUT = 10_000;
 
 export interface DashSource {
   readonly base: string;
-  /** The same over HTTP/3; null: not offered. */
+  /** The same over HTTP/3; null if it is not offered. */
   readonly h3: string | null;
   readonly scene: string;
   readonly plan: DashPlan;

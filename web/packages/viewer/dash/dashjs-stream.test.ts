@@ -32,7 +32,7 @@ vi.mock("dashjs", () => {
   return { MediaPlayer: Object.assign(() => ({ create }), { events: {} }) };
 });
 
-// As the browser does: a play request ends with the stream that it is for.
+// Like the browser: a play request ends with its stream.
 let interrupt: (error: Error) => void;
 const EVENTS = { received: () => undefined, failed: () => undefined };
 let video: HTMLVideoElement;

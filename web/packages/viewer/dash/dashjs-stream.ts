@@ -1,4 +1,4 @@
-/** dash.js on a video element: the one place that knows the library. Loaded on demand, since it is larger than the page. */
+/** dash.js on a video element: the only module that uses the library. Loaded on demand, since it is larger than the page. */
 import { type FragmentLoadingCompletedEvent, MediaPlayer, type MediaPlayerErrorEvent } from "dashjs";
 import type { PlayStream } from "../stream/stream";
 import { checkMediaSource } from "./media-source";
@@ -6,7 +6,7 @@ import { checkMediaSource } from "./media-source";
 /** Both kinds of extensions; dash.js prefers the managed ones. */
 type Extensions = { readonly [Kind in "ManagedMediaSource" | "MediaSource"]?: typeof MediaSource };
 
-/** dash.js in its defaults: target latency and playback rates come from the manifest's ServiceDescription. */
+/** dash.js with its defaults: target latency and playback rates come from the manifest's ServiceDescription. */
 export const playStream: PlayStream = (video, manifest, events) => {
   const { ManagedMediaSource, MediaSource } = globalThis as Extensions;
   checkMediaSource(ManagedMediaSource ?? MediaSource);
@@ -64,7 +64,7 @@ function borrow(video: HTMLVideoElement): () => void {
       if (!visit.signal.aborted) throw error;
     });
   return () => {
-    Reflect.deleteProperty(video, "addEventListener"); // the prototype's methods are seen again
+    Reflect.deleteProperty(video, "addEventListener"); // uncovers the prototype's methods
     Reflect.deleteProperty(video, "play");
     visit.abort();
   };

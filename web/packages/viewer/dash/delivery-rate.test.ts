@@ -21,7 +21,7 @@ function chunk(size: number): Uint8Array {
   return Uint8Array.from([...box("styp", 16), ...box("moof", 84), ...box("mdat", size - 100)]);
 }
 
-/** A chunk comes bit by bit. */
+/** A chunk arrives bit by bit. */
 function receive(bytes: Uint8Array, at: number, step: number, every: number): void {
   for (let from = 0; from < bytes.length; from += step) {
     rate.received(bytes.subarray(from, from + step), at + (from / step) * every);

@@ -14,12 +14,12 @@ const MDAT = 0x6d646174;
 export class DeliveryRate {
   /** Bits a second of each chunk. */
   readonly #rates = new TimeWindow(SPAN);
-  /** Received part of the present box's header. */
+  /** Received part of the current box's header. */
   #header: number[] = [];
-  /** Missing bytes of the present box. */
+  /** Missing bytes of the current box. */
   #left = 0;
   #type = 0;
-  /** The present chunk: the time of its first bytes, and the number of later ones. */
+  /** The current chunk: the time of its first bytes, and the number of later ones. */
   #chunk: { readonly since: number; later: number } | undefined;
 
   begin(): void {

@@ -7,9 +7,9 @@ class FakeSource extends EventTarget {
   /** Its operations, in order. */
   readonly asked: string[] = [];
   ranges: [start: number, end: number][] = [];
-  /** Takes no more. */
+  /** Accepts no more bytes. */
   full = false;
-  /** It was taken from its player. */
+  /** Whether it was removed from its player. */
   removed = false;
 
   get buffered() {

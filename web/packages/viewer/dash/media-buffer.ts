@@ -6,9 +6,9 @@ const FORGET_EVERY = 5;
 
 export interface MediaBufferOptions {
   readonly source: SourceBuffer;
-  /** Aborted when the source leaves the player: from then on even looking at it throws. */
+  /** Aborted when the source leaves the player: from then on any access to it throws. */
   readonly signal: AbortSignal;
-  /** Where playback is, in seconds. */
+  /** Playback position, in seconds. */
   readonly position: () => number;
   readonly onAppended: () => void;
   readonly onFailed: (reason: string) => void;
@@ -18,9 +18,9 @@ export class MediaBuffer {
   readonly #options: MediaBufferOptions;
   /** Operations queued until the source is ready; it handles one at a time. */
   #waiting: Uint8Array<ArrayBuffer>[] = [];
-  /** The source is full: played media is being removed. */
+  /** Whether the source is full and played media is being removed. */
   #full = false;
-  /** The source may hold half a box. */
+  /** Whether the source may hold an incomplete box. */
   #interrupted = false;
 
   constructor(options: MediaBufferOptions) {
@@ -40,7 +40,7 @@ export class MediaBuffer {
     this.#next();
   }
 
-  /** Continues with another segment before the present one is complete: drops queued bytes. */
+  /** Continues with another segment before the current one is complete: drops queued bytes. */
   interrupt(): void {
     this.#waiting = [];
     this.#interrupted = true;
@@ -56,7 +56,7 @@ export class MediaBuffer {
   #next(): void {
     const { source, signal, position } = this.#options;
     if (signal.aborted || source.updating || this.#waiting.length === 0) return;
-    if (this.#interrupted) source.abort(); // forgets half a box
+    if (this.#interrupted) source.abort(); // drops an incomplete box
     this.#interrupted = false;
     const start = source.buffered.length === 0 ? 0 : source.buffered.start(0);
     const played = position() - KEPT;
@@ -75,7 +75,7 @@ export class MediaBuffer {
     }
   }
 
-  /** There is no room: makes some, once. */
+  /** Makes room in a full source, once. */
   #refused(error: unknown): void {
     const { source, position, onFailed } = this.#options;
     const full = error instanceof DOMException && error.name === "QuotaExceededError";

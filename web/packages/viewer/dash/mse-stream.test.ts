@@ -109,7 +109,7 @@ test("it begins just before the end of what has come, and goes on at the manifes
   expect(video.play).toHaveBeenCalledOnce();
   expect(video.currentTime).toBeCloseTo(59.96);
   expect(stream.latency()).toBeCloseTo(0.04);
-  await vi.advanceTimersByTimeAsync(100); // the video stands: it falls behind
+  await vi.advanceTimersByTimeAsync(100); // the video has stopped, so it falls behind
   source.has(60.08);
   expect(video.playbackRate).toBe(1.05);
   stream.aim(300);

@@ -10,7 +10,7 @@ import { checkMediaSource } from "./media-source";
 import { MARGIN, Pace, ServerClock } from "./pace";
 import { fetched, SegmentFeed } from "./segment-feed";
 
-/** Interval of adjusting the pace in addition to each received chunk, in milliseconds. */
+/** Interval of adjusting the pace, in addition to doing so for each received chunk, in milliseconds. */
 const LOOK_EVERY = 50;
 /** Intervals of reading the server's clock, at the start and later, in milliseconds. */
 const FIRST_LOOKS = 3;
@@ -36,7 +36,7 @@ class MsePlayer {
   #manifest: Manifest | undefined;
   #buffer: MediaBuffer | undefined;
   #started = false;
-  /** Seconds; the manifest's until changed. */
+  /** Target latency in seconds; the manifest's until changed. */
   #target: number | undefined;
 
   constructor(video: HTMLVideoElement, url: string, events: StreamEvents) {
@@ -49,7 +49,7 @@ class MsePlayer {
     });
   }
 
-  /** Behind the server's clock, in seconds; null before it plays. */
+  /** Latency behind the server's clock, in seconds; null before it plays. */
   get latency(): number | null {
     return this.#started ? this.#live() - this.#video.currentTime : null;
   }
@@ -86,7 +86,7 @@ class MsePlayer {
     await feed.run(signal);
   }
 
-  /** A live source on the video element. */
+  /** Opens a live source on the video element. */
   async #open({ representations }: Manifest, signal: AbortSignal): Promise<MediaBuffer> {
     const media = new MediaSource();
     const url = URL.createObjectURL(media);
@@ -110,7 +110,7 @@ class MsePlayer {
     this.#events.failed(`The player stopped: ${this.#video.error?.message || "the video cannot be decoded."}`);
   };
 
-  /** Keeps playback at its target; begins it. */
+  /** Starts playback and keeps it at its target. */
   #follow(): void {
     const video = this.#video;
     const end = this.#buffer?.end ?? null;
@@ -126,7 +126,7 @@ class MsePlayer {
     else if (video.playbackRate !== next.rate) video.playbackRate = next.rate;
   }
 
-  /** The server's place on the media timeline, in seconds. */
+  /** The server's position on the media timeline, in seconds. */
   #live(): number {
     return (this.#clock.at(now()) - (this.#manifest?.start ?? 0)) / 1000;
   }

@@ -1,18 +1,18 @@
 /** Keeps playback at a latency: a little faster, a little slower, or a jump. Pure. */
 
-/** Answers that are remembered: clocks drift apart, if slowly. */
+/** Number of answers remembered, since clocks slowly drift apart. */
 const REMEMBERED = 8;
 
 export class ServerClock {
   #answers: { readonly roundTrip: number; readonly offset: number }[] = [];
 
-  /** Takes the server's `time` in Unix milliseconds, with the times of question and answer on the page's clock. */
+  /** Records the server's `time` in Unix milliseconds, with the times of request and answer on the page's clock. */
   heard(time: number, askedAt: number, heardAt: number): void {
     const answer = { roundTrip: heardAt - askedAt, offset: time - (askedAt + heardAt) / 2 };
     this.#answers = [...this.#answers.slice(1 - REMEMBERED), answer];
   }
 
-  /** Its time, in Unix milliseconds, at a moment of the page's clock; NaN before the first answer. */
+  /** The server's time, in Unix milliseconds, at a moment of the page's clock; NaN before the first answer. */
   at(now: number): number {
     const [best] = this.#answers.toSorted((a, b) => a.roundTrip - b.roundTrip);
     return now + (best?.offset ?? Number.NaN);
@@ -21,11 +21,11 @@ export class ServerClock {
 
 /** Distance behind the end of the buffer in seconds: at the start of playback, and the minimum. */
 export const MARGIN = 0.02;
-/** Closer to the target than this is on it, in seconds. */
+/** Tolerance around the target, in seconds. */
 const NEAR = 0.015;
-/** Delays beyond this many seconds are not caught up by playing faster. */
+/** Delays beyond this many seconds are caught up by a jump instead of faster playback. */
 const FAR = 0.25;
-/** A jump decodes all frames since the last keyframe: a machine that cannot keep up must not do it all the time. In seconds. */
+/** Shortest time between jumps, in seconds: a jump decodes all frames since the last keyframe, too much for a slow machine to repeat. */
 const JUMP_EVERY = 2;
 const FASTER = 1.05;
 const SLOWER = 0.95;
@@ -44,7 +44,7 @@ export class Pace {
   #rate = 1;
   #jumpedAt = Number.NEGATIVE_INFINITY;
 
-  /** Where to jump to, or else how fast to play. */
+  /** The position to jump to, or else the playback rate. */
   next({ position, end, live, target }: Playback): { readonly jump: number } | { readonly rate: number } {
     const behind = live - position - target;
     const ahead = end - position;

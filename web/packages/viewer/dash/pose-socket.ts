@@ -2,7 +2,7 @@
 import type { FrameShown, PoseUpdate, SessionInfo } from "#client/wire/dash";
 
 export interface PoseSocket {
-  /** Sends a pose, unless an earlier one still waits: then false, and the newest is to be tried again. */
+  /** Sends a pose; returns false if an earlier one is still waiting, and the newest must be tried again. */
   send(pose: PoseUpdate): boolean;
   close(): void;
 }

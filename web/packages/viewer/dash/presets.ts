@@ -11,7 +11,7 @@ export interface DashPlan {
   readonly setup: DashSetup;
   /** dash.js, or the bare player on Media Source Extensions (`mse-stream.ts`). */
   readonly player: "dash.js" | "mse";
-  /** The only representation that the stream has; null: the packager's own choice, of which the player chooses. */
+  /** The stream's only representation; null lets the packager offer several, from which the player chooses. */
   readonly representation: RepresentationRequest | null;
   /** Whether stalls raise the target (`latency-target.ts`); otherwise it is constant. */
   readonly adaptive: boolean;
@@ -27,12 +27,12 @@ export const FRAME_RATES = [30, 60] as const;
 export type FrameRate = (typeof FRAME_RATES)[number];
 const DEFAULT_FRAME_RATE: FrameRate = 30;
 
-/** The settings that say how a stream is to be. */
+/** The settings that determine a stream. */
 export interface DashSettings {
   readonly dashPreset: Preset;
-  /** Frames a second; null: the preset's own. */
+  /** Frames per second; null for the preset's own. */
   readonly dashFrameRate: FrameRate | null;
-  /** A single representation, with the packager's bit rate by default; null: all. */
+  /** A single representation, with the packager's bit rate by default; null for all. */
   readonly dashRepresentation: RepresentationRequest | null;
   readonly dashTransport: DashTransport;
   /** Parameters of the preset "custom". */
@@ -63,19 +63,19 @@ function chosen({
 }
 
 /**
- * As live services ship low latency: 2 s segments, in chunks of half a second. Their targets are one to several seconds
- * (DASH-IF's guidelines aim at 3.5 s); this is the lower end, so that the comparison errs on DASH's side.
+ * As low-latency live services are set up: 2 s segments in chunks of half a second. Their targets are one to several seconds
+ * (DASH-IF's guidelines aim at 3.5 s); this is the lower end, so that the comparison favours DASH.
  */
 function typical(frame_rate: number): DashSetup {
   return { segment_s: 2, frames_per_chunk: frame_rate / 2, target_latency_ms: 1000, frame_rate };
 }
 
-/** The least that dash.js holds: a keyframe each second, one frame per chunk, and a target of 120 ms. */
+/** The lowest latency that dash.js holds: a keyframe each second, one frame per chunk, and a target of 120 ms. */
 export function tuned(frame_rate: number): DashSetup {
   return { segment_s: 1, frames_per_chunk: 1, target_latency_ms: 120, frame_rate };
 }
 
-/** The same stream for a player of our own, which holds half that target. */
+/** The same stream for our own player, which holds half that target. */
 function edge(frame_rate: number): DashSetup {
   return { ...tuned(frame_rate), target_latency_ms: 60 };
 }

@@ -14,12 +14,12 @@ const MANIFEST: Manifest = {
   headerUrl: ({ id }) => `${id}/init`,
   segmentUrl: ({ id }, number) => `${id}/${number}`,
 };
-/** A chunk that is there at once: an `mdat` box of nothing. */
+/** A chunk that is complete at once: an empty `mdat` box. */
 const CHUNK = Uint8Array.from([0, 0, 0, 8, ...new TextEncoder().encode("mdat")]);
 
 /** Requests, in order. */
 let asked: string[];
-/** Of each segment that was asked for: hands out bytes, or ends it. */
+/** For each requested segment: sends bytes, or ends it. */
 let segments: Map<string, ReadableStreamDefaultController<Uint8Array>>;
 /** Answers that replace a segment. */
 let answers: Map<string, () => Response>;
@@ -55,7 +55,7 @@ afterEach(() => {
   vi.useRealTimers();
 });
 
-/** A viewer comes when the stream is so old, in milliseconds. */
+/** Opens a viewer when the stream is this old, in milliseconds. */
 async function watch(age: number): Promise<void> {
   await vi.advanceTimersByTimeAsync(age);
   const feed = new SegmentFeed({
@@ -106,7 +106,7 @@ test("quality changes from segment to segment, with the header of its representa
 test("bytes of a segment that was left behind are given up for the newest", async () => {
   await watch(7200);
   await send("low/8");
-  await send("low/8", 2000); // an outage: segment 10 grows by now
+  await send("low/8", 2000); // an outage: segment 10 is growing by now
   expect(heard.slice(0, 4)).toEqual(["header", "bytes", "bytes", "interrupted"]);
   await send("high/10");
   expect(heard.slice(4)).toEqual(["header", "bytes"]);

@@ -12,10 +12,10 @@ const RETRY_AFTER = 250;
 
 export interface FeedOptions {
   readonly manifest: Manifest;
-  /** The server's place on the media timeline, in seconds. */
+  /** The server's position on the media timeline, in seconds. */
   readonly live: () => number;
   readonly onBytes: (bytes: Uint8Array<ArrayBuffer>) => void;
-  /** The rest of the present segment will not come; another one follows. */
+  /** Called when the rest of the current segment will not arrive; another one follows. */
   readonly onInterrupted: () => void;
   readonly onReceived: (bytes: number) => void;
 }
@@ -36,7 +36,7 @@ export class SegmentFeed {
     this.#options = options;
   }
 
-  /** Feeds until the signal is aborted. Rejects with StreamEnded when there is no more. */
+  /** Feeds until the signal is aborted. Rejects with StreamEnded at the end of the stream. */
   async run(signal: AbortSignal): Promise<never> {
     for (;;) {
       const visit = new AbortController();
@@ -54,7 +54,7 @@ export class SegmentFeed {
     }
   }
 
-  /** From the segment that grows at present, until it is too far behind. */
+  /** Feeds from the segment that is currently growing, until it is too far behind. */
   async #follow(signal: AbortSignal): Promise<void> {
     const { onBytes, onReceived } = this.#options;
     let shown: Representation | undefined;
@@ -76,7 +76,7 @@ export class SegmentFeed {
     }
   }
 
-  /** The segment that the server makes at present. */
+  /** The segment that the server is currently making. */
   #growing(): number {
     const { manifest, live } = this.#options;
     return manifest.firstNumber + Math.max(0, Math.floor(live() / manifest.segment));
@@ -97,7 +97,7 @@ export class SegmentFeed {
     return { representation, body: body.getReader() };
   }
 
-  /** Asked for once. */
+  /** Requests an initialisation segment once. */
   async #header(representation: Representation, signal: AbortSignal): Promise<Uint8Array<ArrayBuffer>> {
     const known = this.#headers.get(representation.id);
     if (known !== undefined) return known;

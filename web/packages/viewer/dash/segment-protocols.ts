@@ -1,20 +1,20 @@
-/** The protocols over which a stream's segments were fetched, by the browser's own account (Resource Timing). */
+/** The protocols over which a stream's segments were fetched, as reported by the browser (Resource Timing). */
 export class SegmentProtocols {
   readonly #seen = new Set<string>();
   readonly #observer: PerformanceObserver;
 
-  /** `directory`: the URL that begins those of the segments. */
+  /** `directory` is the common prefix of the segments' URLs. */
   constructor(directory: string) {
     this.#observer = new PerformanceObserver((list) => {
       for (const { name, nextHopProtocol } of list.getEntries() as PerformanceResourceTiming[]) {
         const ours = name.startsWith(directory) && name.endsWith(".m4s");
-        if (ours && nextHopProtocol !== "") this.#seen.add(nextHopProtocol); // abandoned requests have none
+        if (ours && nextHopProtocol !== "") this.#seen.add(nextHopProtocol); // abandoned requests have no protocol
       }
     });
     this.#observer.observe({ type: "resource" });
   }
 
-  /** As ALPN identifiers, such as `h3`. */
+  /** The protocols as ALPN identifiers, such as `h3`. */
   get seen(): string[] {
     return [...this.#seen].sort();
   }

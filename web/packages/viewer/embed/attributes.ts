@@ -3,10 +3,10 @@ import { DEFAULT_SETTINGS, MODES, type Settings, settingOf } from "../state/sett
 import type { ScenePose } from "../view/camera";
 import { poseOf } from "../view/pose-text";
 
-/** Gives an attribute's text; null without it. */
+/** Reads an attribute's text; null if it is missing. */
 export type Attributes = (name: string) => string | null;
 
-/** The setting of `mode`. Throws if there is no such mode. */
+/** The setting of `mode`. Throws if the mode is unknown. */
 export function attributeMode(of: Attributes): Pick<Settings, "mode"> {
   const name = of("mode") ?? DEFAULT_SETTINGS.mode;
   const mode = settingOf("mode", name);
@@ -25,7 +25,7 @@ export function attributeQuality(of: Attributes): Pick<Settings, "controller" | 
   return { controller: rung === undefined ? controller : "fixed", profile: rung ?? profile };
 }
 
-/** The pose of `at`; null without it. Throws if it is none. */
+/** The pose of `at`; null if it is missing. Throws if it is invalid. */
 export function attributePose(of: Attributes): ScenePose | null {
   const at = of("at");
   if (at === null) return null;
@@ -40,7 +40,7 @@ export function posterUrl(of: Attributes): string {
   return of("poster") ?? [serverUrl(of), thumbnail].filter(Boolean).join("/");
 }
 
-/** The server's URL without a slash at its end; empty for the page's own. */
+/** The server's URL without a trailing slash; empty for the page's own. */
 export function serverUrl(of: Attributes): string {
   return (of("src") ?? "").replace(/\/+$/, "");
 }

@@ -1,6 +1,6 @@
 /**
  * Control of a page in a frame by the page around it: messages `{tigas, id, …}`, each answered with the same `tigas` and `id`.
- * Only the parent is heard, which the server must have allowed: its policy `frame-ancestors` names the setting `allow_origins`.
+ * Only the parent may send them, and only if the server allows it: its policy `frame-ancestors` names the setting `allow_origins`.
  */
 import type { ViewerControl } from "../control/viewer-control";
 import type { Easing } from "../movement/camera-path";
@@ -10,7 +10,7 @@ import { poseOf } from "../view/pose-text";
 
 type Control = Pick<ViewerControl, "animate" | "camera" | "on" | "screenshot" | "set" | "settings">;
 
-/** A message with the names that any of them may have; nothing in it can be relied on. */
+/** An unchecked message, with all fields that any message may have. */
 interface Message {
   readonly tigas: string;
   readonly id?: unknown;

@@ -2,7 +2,7 @@
 import type { Stage } from "../session/session";
 import styles from "./stage.css?inline";
 
-/** A shadow root with these style sheets, which no content security policy forbids. */
+/** A shadow root with these style sheets, in a form that no content security policy forbids. */
 export function shadowOf(host: HTMLElement, ...sheets: readonly string[]): ShadowRoot {
   const root = host.attachShadow({ mode: "open" });
   root.adoptedStyleSheets = sheets.map((text) => {

@@ -1,4 +1,4 @@
-/** The chosen models, ready on a device: the picture passes one after the other. */
+/** The chosen models, ready on a device; each picture passes through them in turn. */
 import { readProblem } from "#client/http/problem";
 import { hostUrl } from "#client/transport/host-report";
 import type { Rung, ServerConfig } from "#client/wire/render";
@@ -13,7 +13,7 @@ import {
   OFF,
 } from "./model/enhancer";
 
-/** Where frames come from. */
+/** The source of the frames. */
 export interface Place {
   readonly scene: EnhancedScene;
   readonly ladder: readonly Rung[];
@@ -26,14 +26,14 @@ interface Ready {
   readonly loaded: Loaded;
 }
 
-/** A ladder's rungs in two shapes of the window, and some more. */
+/** Enough for a ladder's rungs in two aspect ratios of the window, and a few more. */
 const MOST_SIZES = 12;
 
 export class Chain {
   readonly label: string;
-  /** Of the models that change frames of each rung; empty where none does. */
+  /** Labels of the models that change frames, by rung; empty if none does. */
   readonly labels: readonly string[];
-  /** Of the last step, which brings the picture to the displayed size. */
+  /** Filter of the last step, which scales the picture to the displayed size. */
   readonly filter: Filter;
   readonly #device: GPUDevice;
   readonly #inputs = new Map<string, GPUTexture>();
@@ -58,7 +58,7 @@ export class Chain {
     return new Chain(device, models, loaded, place);
   }
 
-  /** Of the models that change frames of a rung, or `off`. */
+  /** Names of the models that change frames of a rung, or `off`. */
   names(rung: number | null): Readonly<Record<Kind, string>> {
     const serving = this.#serving(rung);
     const nameOf = (kind: Kind) => serving.find((model) => model.kind === kind)?.name ?? OFF;
@@ -82,14 +82,14 @@ export class Chain {
   }
 
   /**
-   * It holds resources for so many sizes that it must be replaced: while a window is resized, each frame has another
-   * size.
+   * Whether it holds resources for so many sizes that it must be replaced: while a window is resized, each frame has a
+   * different size.
    */
   get crowded(): boolean {
     return this.#inputs.size > MOST_SIZES;
   }
 
-  /** Encodes all models' work. Throws an EnhancementError that names the model which failed. */
+  /** Encodes all models' work. Throws an EnhancementError that names the failing model. */
   run(encoder: GPUCommandEncoder, input: GPUTexture, rung: number | null): GPUTexture {
     return this.#models.reduce((picture, { model, loaded }) => {
       try {

@@ -1,10 +1,10 @@
 /** The page's GPU device, requested when the first model is switched on. */
 import { EnhancementError } from "./model/enhancer";
 
-/** Used where the device has them; models look for them in `device.features`. */
+/** Optional features; models look for them in `device.features`. */
 const WELCOME: readonly GPUFeatureName[] = ["timestamp-query", "shader-f16"];
 
-/** Why there is no WebGPU in this page; null if there may be. */
+/** Why this page has no WebGPU; null if it may have. */
 export function webgpuProblem(): string | null {
   if (navigator.gpu !== undefined) return null;
   return globalThis.isSecureContext
@@ -12,7 +12,7 @@ export function webgpuProblem(): string | null {
     : "WebGPU needs a secure page: open this page over HTTPS, or on localhost.";
 }
 
-/** Rejects with an EnhancementError. */
+/** Opens the device. Rejects with an EnhancementError. */
 export async function openDevice(): Promise<GPUDevice> {
   const problem = webgpuProblem();
   if (problem !== null) throw new EnhancementError(problem);

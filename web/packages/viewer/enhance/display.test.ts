@@ -13,7 +13,7 @@ interface Frame {
   readonly header: { readonly profile: number; readonly margin_x?: number; readonly margin_y?: number };
 }
 
-/** Enhancement as the test says. */
+/** Enhancement controlled by the test. */
 class FakeEnhancement {
   active: Active | null = null;
   said: string | null = null;
@@ -104,7 +104,7 @@ async function done(index: number, ms = 2): Promise<void> {
   await settle();
 }
 
-/** One animation frame; returns the id of the frame that is on the screen by then and was not before. */
+/** Runs one animation frame; returns the id of the frame that has newly appeared on the screen. */
 function animationFrame(): number | undefined {
   now += 1000 / 60;
   return display.presented(now)?.frame.id;

@@ -18,7 +18,7 @@ export interface Enhanced extends Size {
   /** The models that changed it, by name, or `off`. */
   readonly restore: string;
   readonly upscale: string;
-  /** The picture without loss, until the next animation frame. */
+  /** Makes a lossless copy of the picture, until the next animation frame. */
   readonly copy: () => ImageBitmap;
 }
 
@@ -34,7 +34,7 @@ interface Decoded {
   readonly header: Pick<FrameHeader, "profile" | "margin_x" | "margin_y">;
 }
 
-/** How many times as large a picture is with its margins. */
+/** Ratios of a picture's size with margins to its size without. */
 interface Extent {
   readonly across: number;
   readonly down: number;
@@ -56,19 +56,19 @@ interface Pending<Frame> {
   readonly names: ReturnType<Chain["names"]>;
   readonly drawn: Drawn;
   readonly extent: Extent;
-  /** Once it is done. */
+  /** The time that it took, once it is done. */
   ms: number | null;
-  /** Animation frames that it has taken. */
+  /** Animation frames since it was started. */
   age: number;
 }
 
 export interface DisplayOptions {
-  /** For frames as they come. */
+  /** Canvas for frames without enhancement. */
   readonly canvas: HTMLCanvasElement;
-  /** For enhanced ones. */
+  /** Overlay for enhanced frames. */
   readonly overlay: Overlay;
   readonly enhancement: Enhancement;
-  /** How large pictures are displayed, without their margins, in the screen's pixels. */
+  /** Displayed size of pictures without margins, in the screen's pixels. */
   readonly size: () => Size;
 }
 
@@ -85,17 +85,17 @@ export class Display<Frame extends Decoded> {
   #onScreen: Pending<Frame> | null = null;
   /** Drawn to the plain canvas and not reported yet. */
   #raw: Frame | null = null;
-  /** Came on the overlay in this animation frame. */
+  /** Appeared on the overlay in this animation frame. */
   #arrived: Arrived<Frame> | null = null;
   /** The newest enhanced frame, before enhancement. */
   #newest: Frame | null = null;
   /** The newest frame; the canvas owns its bitmap if it was shown without enhancement. */
   #latest: Frame | null = null;
-  /** Frames that were shown. */
+  /** Number of frames shown. */
   #shows = 0;
-  /** The picture on the screen is to be enhanced anew. */
+  /** Whether the picture on the screen must be enhanced again. */
   #stale = false;
-  /** Reason to drop the models in the next animation frame: subscribers may still copy the present one. */
+  /** Reason to drop the models in the next animation frame: subscribers may still copy the current picture. */
   #verdict: string | null = null;
   /**
    * A frame is about to be shown without enhancement; its bitmap is invalid afterwards. `fresh`: no picture of it was
@@ -116,17 +116,17 @@ export class Display<Frame extends Decoded> {
     return this.#pending.length < AT_ONCE;
   }
 
-  /** Models enhance the next frame. */
+  /** Whether models will enhance the next frame. */
   get enhances(): boolean {
     return this.#options.enhancement.active !== null;
   }
 
-  /** Nothing is in the making. */
+  /** Whether no frame is in progress. */
   get settled(): boolean {
     return this.#pending.length === 0;
   }
 
-  /** Takes a frame, and its bitmap for good. */
+  /** Takes a frame, and ownership of its bitmap. */
   show(frame: Frame): void {
     const { bitmap, header } = frame;
     this.#shows++;
@@ -138,7 +138,7 @@ export class Display<Frame extends Decoded> {
     if (rung === null || !this.#enhance(frame, frame)) this.#draw(frame, frame);
   }
 
-  /** Once per animation frame, first of all: the frame that is on the screen by now and was not in the last one, if any. */
+  /** Called first in each animation frame: the frame that has appeared on the screen since the last one, if any. */
   presented(now: number): OnScreen<Frame> | null {
     this.#pace.tick(now);
     if (this.#verdict !== null) this.#options.enhancement.giveUp(this.#verdict);
@@ -154,7 +154,7 @@ export class Display<Frame extends Decoded> {
     return this.#arrived;
   }
 
-  /** Frames not on screen yet will not be reported. */
+  /** Stops reporting frames that are not on the screen yet. */
   forget(): void {
     this.#raw = null;
     for (const pending of this.#pending) pending.frame = null;
@@ -171,7 +171,7 @@ export class Display<Frame extends Decoded> {
     this.#options.overlay.hide();
   }
 
-  /** The frames that are done by now leave the list; the newest of them is on the screen. */
+  /** Removes the frames that are done from the list; the newest of them is on the screen. */
   #takeDone(): OnScreen<Frame> | null {
     for (const pending of this.#pending) pending.age++;
     const working = this.#pending.findIndex(({ ms }) => ms === null);
@@ -204,7 +204,7 @@ export class Display<Frame extends Decoded> {
     }
   }
 
-  /** Whether the picture could be handed to the graphics processor. */
+  /** Hands a picture to the graphics processor; returns whether that was possible. */
   #enhance(picture: Frame, frame: Frame | null): boolean {
     const { enhancement, overlay } = this.#options;
     const { active } = enhancement;
@@ -235,7 +235,7 @@ export class Display<Frame extends Decoded> {
     return true;
   }
 
-  /** Enhances the present frame with newly chosen models: a resting camera receives no frames. */
+  /** Enhances the current frame with newly chosen models, as a resting camera receives no frames. */
   async #enhanceAnew(): Promise<void> {
     this.#stale = false;
     if (this.#newest) {
@@ -250,7 +250,7 @@ export class Display<Frame extends Decoded> {
     if (shows !== this.#shows || !this.#enhance(picture, null)) bitmap.close();
   }
 
-  /** The part of a picture that is displayed fills the screen's pixels. */
+  /** The size with margins at which a picture's visible part fills the screen's pixels. */
   #sizeWithMargins(picture: Frame): Size {
     const { width, height } = this.#options.size();
     const { across, down } = extentOf(picture);
@@ -277,7 +277,7 @@ export class Display<Frame extends Decoded> {
     overlay.hide();
   }
 
-  /** Another model enhances the frames from now on, or none. */
+  /** Called when other models enhance frames from now on, or none. */
   #changed(): void {
     this.#pace.reset();
     this.#verdict = null;
@@ -312,7 +312,7 @@ function hideMargins(canvas: HTMLCanvasElement, { across, down }: Extent): void 
   scales.set(canvas, scale);
 }
 
-/** A style is parsed even if it is the same. */
+/** Scales already set: a style is parsed even if it is unchanged. */
 const scales = new WeakMap<HTMLCanvasElement, string>();
 
 function sentence(error: unknown): string {

@@ -1,6 +1,6 @@
 /**
  * The chosen models on a working device: loaded in the background while the previous ones continue, restarted once
- * after a lost device, and dropped with a sentence if unusable.
+ * after a lost device, and dropped with a message if unusable.
  */
 import { type ReadonlySignal, signal } from "@preact/signals";
 import type { Chain, Place } from "./chain";
@@ -41,12 +41,12 @@ export class Enhancement {
   #choice: { readonly models: readonly Enhancer[]; readonly place: Place } | undefined;
   #starting = new AbortController();
   #opened: Promise<Opened> | undefined;
-  /** Of the active device: losses and errors of others are ignored. */
+  /** Identifies the active device: losses and errors of others are ignored. */
   #turn = {};
   #active: Active | null = null;
   #picture: Picture | undefined;
   #retried = false;
-  /** Called whenever `active` is another one. */
+  /** Called whenever `active` changes. */
   onChange: () => void = () => undefined;
 
   constructor(options: EnhancementOptions) {
@@ -57,7 +57,7 @@ export class Enhancement {
     return this.#status;
   }
 
-  /** Null while frames are to be shown as they come. */
+  /** Null while frames are shown without enhancement. */
   get active(): Active | null {
     return this.#active;
   }
@@ -69,22 +69,22 @@ export class Enhancement {
     void this.#start(null);
   }
 
-  /** Load the same models anew, for the sizes that pictures have by now. */
+  /** Reloads the models for the current sizes of pictures. */
   renew(): void {
     if (this.#status.peek().kind === "on") void this.#start(null);
   }
 
-  /** Show frames as they come. */
+  /** Shows frames without enhancement. */
   off(): void {
     this.#end({ kind: "off" });
   }
 
-  /** Pictures like this one come at present: a model that is loaded makes itself ready for them first. */
+  /** Remembers a recent picture; a model that is loading prepares for its size first. */
   seen(picture: Picture): void {
     this.#picture = picture;
   }
 
-  /** Show frames as they come until something is chosen again, and say why. */
+  /** Shows frames without enhancement until the next choice, and reports why. */
   giveUp(message: string): void {
     this.#end({ kind: "failed", message });
   }

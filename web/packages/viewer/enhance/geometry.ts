@@ -5,13 +5,13 @@ export interface Size {
   readonly height: number;
 }
 
-/** Along one side, in the picture's pixels. */
+/** Sampling along one side, in the picture's pixels. */
 export interface Sampling {
-  /** Where the displayed part begins. */
+  /** Start of the displayed part. */
   readonly origin: number;
-  /** From one displayed pixel to the next. */
+  /** Distance from one displayed pixel to the next. */
   readonly step: number;
-  /** Of the whole picture. */
+  /** Length of the whole picture. */
   readonly length: number;
 }
 

@@ -1,7 +1,7 @@
 import { describe, expect, test } from "vitest";
 import { Pace } from "./pace";
 
-/** For a display with this frame rate, once that is known. */
+/** A pace for a display with this frame rate, once that is known. */
 function pace(hertz = 60): Pace {
   const subject = new Pace();
   for (let i = 0; i < 40; i++) subject.tick((i * 1000) / hertz);

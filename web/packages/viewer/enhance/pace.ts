@@ -12,7 +12,7 @@ const FAR = 3;
 /** Number of animation frames after which the display's rate is known. */
 const KNOWN = 31;
 
-/** Frames that may be drawn and not released. */
+/** The most frames that may be drawn but not released. */
 export const MOST_FRAMES = 3;
 
 export class Pace {
@@ -28,7 +28,7 @@ export class Pace {
     this.#interval = Math.min(this.#interval ?? Number.POSITIVE_INFINITY, this.#clock.interval);
   }
 
-  /** Between two of the display's frames, in milliseconds. */
+  /** The display's frame interval, in milliseconds. */
   get interval(): number {
     return this.#interval ?? this.#clock.interval;
   }
@@ -42,7 +42,7 @@ export class Pace {
     return full || far ? usual : null;
   }
 
-  /** Another model, or another size. */
+  /** Restarts the measurement, for another model or size. */
   reset(): void {
     this.#times = [];
   }

@@ -10,14 +10,14 @@ import { ANIME4K } from "./models/anime4k";
 import { BICUBIC, LANCZOS } from "./models/filters";
 import { SCENE } from "./models/scene";
 
-/** In the order in which they are offered. */
+/** All models, in the order in which they are offered. */
 export const ENHANCERS: readonly Enhancer[] = [BICUBIC, LANCZOS, ...ANIME4K, SCENE];
 
 export function enhancersOf(kind: Kind): readonly Enhancer[] {
   return ENHANCERS.filter((enhancer) => enhancer.kind === kind);
 }
 
-/** In the order in which frames pass them; none of `off`. */
+/** The chosen models in the order in which frames pass them; none for `off`. */
 export function chosenEnhancers(names: Readonly<Record<Kind, string>>): readonly Enhancer[] {
   return KINDS.flatMap((kind) => enhancersOf(kind).filter(({ name }) => names[kind] === name));
 }

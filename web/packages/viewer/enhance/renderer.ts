@@ -16,7 +16,7 @@ export interface Picture extends Size {
 
 /** A frame that was handed to the graphics processor. */
 export interface Drawn extends Size {
-  /** When it is done: how long it took, in milliseconds. Rejects if the device was lost meanwhile. */
+  /** Resolves when it is done, to its duration in milliseconds. Rejects if the device was lost meanwhile. */
   readonly done: Promise<number>;
 }
 
@@ -27,7 +27,7 @@ interface Slot {
   /** The picture after the first step. */
   middle: GPUTexture | null;
   filter: Filter;
-  /** Nothing is awaited of it. */
+  /** Whether nothing more is awaited from it. */
   done: boolean;
 }
 
@@ -81,7 +81,7 @@ export class Renderer {
   /** Draws a picture at its displayed size. The bitmap stays open. Throws an EnhancementError if a model does. */
   draw(bitmap: ImageBitmap, rung: number | null, chain: Chain, display: Size): Drawn {
     const slot = this.#free.pop();
-    if (slot === undefined) throw new Error("too many frames are in the making");
+    if (slot === undefined) throw new Error("too many frames are in progress");
     const { width, height } = this.#fitting(display);
     const begun = performance.now();
     try {
@@ -131,7 +131,7 @@ export class Renderer {
     if (slot === undefined) return;
     this.#slots.delete(drawn);
     if (slot.done) this.#free.push(slot);
-    else void drawn.done.catch(() => undefined).then(() => this.#free.push(slot)); // its stopwatch is still to be read
+    else void drawn.done.catch(() => undefined).then(() => this.#free.push(slot)); // its stopwatch has yet to be read
   }
 
   #prepare(slot: Slot, picture: GPUTexture, display: Size, filter: Filter): void {
@@ -154,7 +154,7 @@ export class Renderer {
     try {
       await this.#device.queue.onSubmittedWorkDone();
       const ended = performance.now();
-      // Frames are done one after the other: none begins before the one ahead of it has ended.
+      // Frames are done one after the other: none starts before the previous one has ended.
       const waited = ended - Math.max(begun, this.#doneAt);
       this.#doneAt = ended;
       return (await slot.stopwatch?.read(ended - begun)) ?? waited;

@@ -1,5 +1,5 @@
 /**
- * Brings a picture to the displayed size, as Pillow's `resize` does: across, then down, with a filter that is widened where the picture
+ * Scales a picture to the displayed size like Pillow's `resize`: across, then down, with a filter that is widened where the picture
  * is reduced (so it does not alias) and cut off at the border, and with values kept between black and white after each step.
  * Bicubic is Catmull-Rom's (a = -0.5), Lanczos has three lobes.
  */
@@ -81,7 +81,7 @@ export class Resampler {
     this.#device.queue.writeBuffer(buffer, 0, data);
   }
 
-  /** One step: from `picture` into the whole of `target`. */
+  /** Encodes one step: from `picture` into the whole of `target`. */
   encode(
     encoder: GPUCommandEncoder,
     filter: Filter,

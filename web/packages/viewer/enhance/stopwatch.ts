@@ -16,29 +16,29 @@ export class Stopwatch {
     this.#read = device.createBuffer({ size: BYTES, usage: GPUBufferUsage.COPY_DST | GPUBufferUsage.MAP_READ });
   }
 
-  /** Null where the device has no clock for pages. */
+  /** A stopwatch for a device; null if it has no timestamps for pages. */
   static of(device: GPUDevice): Stopwatch | null {
     return device.features.has("timestamp-query") ? new Stopwatch(device) : null;
   }
 
-  /** Encoded before the work. */
+  /** Encodes the first timestamp, before the work. */
   start(encoder: GPUCommandEncoder): void {
     encoder.beginComputePass({ timestampWrites: { querySet: this.#queries, beginningOfPassWriteIndex: 0 } }).end();
   }
 
-  /** Of the work's last pass. */
+  /** Timestamp writes for the work's last pass. */
   get last(): GPURenderPassTimestampWrites {
     return { querySet: this.#queries, endOfPassWriteIndex: 1 };
   }
 
-  /** Encoded after it. */
+  /** Encodes the reading of the timestamps, after the work. */
   stop(encoder: GPUCommandEncoder): void {
     encoder.resolveQuerySet(this.#queries, 0, 2, this.#resolved, 0);
     encoder.copyBufferToBuffer(this.#resolved, 0, this.#read, 0, BYTES);
   }
 
   /**
-   * In milliseconds, once the work is done; null if the clock's values are absurd, as after a suspension of the GPU.
+   * The time in milliseconds, once the work is done; null if the clock's values are absurd, as after a suspension of the GPU.
    */
   async read(atMost: number): Promise<number | null> {
     await this.#read.mapAsync(GPUMapMode.READ);

@@ -1,4 +1,4 @@
-/** A video file of single pictures, encoded by this browser. Loaded on demand. */
+/** A video file made of single pictures, encoded by this browser. Loaded on demand. */
 import {
   BufferTarget,
   CanvasSource,
@@ -10,19 +10,19 @@ import {
 } from "mediabunny";
 
 interface Shape {
-  /** In pixels; even numbers, as encoders want them. */
+  /** In pixels; even numbers, as encoders require. */
   readonly width: number;
   readonly height: number;
   readonly framesPerSecond: number;
 }
 
-/** The file of these pictures, which are closed. Rejects if this browser cannot encode such a video. */
+/** Encodes these pictures into a file, and closes them. Rejects if this browser cannot encode such a video. */
 export async function videoFile(
   { width, height, framesPerSecond }: Shape,
   pictures: AsyncIterable<ImageBitmap>,
 ): Promise<Blob> {
   const quality = new Quality("very-high");
-  // The first one that the browser encodes is used: most players know H.264.
+  // The first codec that the browser can encode is used; most players support H.264.
   const codec = await getFirstEncodableVideoCodec(["avc", "vp9", "vp8", "av1"], { width, height, quality });
   if (codec === null) throw new Error("This browser cannot encode a video of this size.");
   const canvas = new OffscreenCanvas(width, height);

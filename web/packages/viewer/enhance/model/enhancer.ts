@@ -10,23 +10,23 @@ import type { Rung, SceneInfo } from "#client/wire/render";
 /** In the order in which frames pass them. */
 export const KINDS = ["restore", "upscale"] as const;
 export type Kind = (typeof KINDS)[number];
-/** In place of a name, where no model is chosen. */
+/** Stands in for a name where no model is chosen. */
 export const OFF = "off";
-/** How a picture is brought to the size at which it is displayed. */
+/** How a picture is scaled to its displayed size. */
 export type Filter = "bicubic" | "lanczos";
 
 /** The properties of a scene that models depend on. */
 export type EnhancedScene = Pick<SceneInfo, "id" | "enhance">;
 
 export interface Enhancer {
-  /** In URLs, settings and experiments. */
+  /** Name in URLs, settings and experiments. */
   readonly name: string;
-  /** For people. */
+  /** Name on the page. */
   readonly label: string;
   readonly kind: Kind;
-  /** Bicubic if it does not say. */
+  /** Bicubic by default. */
   readonly filter?: Filter;
-  /** Path of its weights at the server; null if the scene has none. Absent: it has no weights. */
+  /** Path of its weights at the server; null if the scene has none. Absent if it has no weights. */
   readonly weights?: (scene: EnhancedScene) => string | null;
   /**
    * Prepares everything independent of a picture's size. `weights` is the content of that file, or null. Rejects with an

@@ -1,6 +1,6 @@
 /**
- * Anime4K's networks, by the package `anime4k-webgpu`: trained on drawings, and here to compare with. It comes with all of their
- * weights (3.5 MB), when the first of them is switched on.
+ * Anime4K's networks from the package `anime4k-webgpu`: trained on drawings, and included for comparison. The package, with all
+ * weights (3.5 MB), is loaded when the first of them is switched on.
  */
 import type * as Anime4K from "anime4k-webgpu";
 import type { Enhancer, Kind, Loaded } from "../model/enhancer";
@@ -15,7 +15,7 @@ const model = (kind: Kind, size: string, network: Network): Enhancer => ({
   load: async (device) => new Anime4KModel(device, (await import("anime4k-webgpu"))[network]),
 });
 
-/** Of each kind three, which differ in size; where both kinds are chosen, they are the chain of the paper's authors. */
+/** Three sizes of each kind; where both kinds are chosen, they form the chain of the paper's authors. */
 export const ANIME4K: readonly Enhancer[] = [
   model("restore", "M", "CNNM"),
   model("restore", "VL", "CNNVL"),

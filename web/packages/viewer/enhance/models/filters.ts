@@ -1,4 +1,4 @@
-/** Baselines: the picture as it came, which only the filter of the last step scales to the displayed size. */
+/** Baselines: the unchanged picture, scaled to the displayed size by the filter of the last step. */
 import type { Enhancer, Filter, Loaded } from "../model/enhancer";
 
 const AS_IT_IS: Loaded = {

@@ -1,5 +1,5 @@
 /**
- * Ours: small networks, one a rung, that were trained on views of the very scene, or on several scenes for one without its own.
+ * Our own small networks, one per rung, trained on views of the scene itself, or on several scenes if it has no networks.
  * `docs/experiments.md` describes them.
  */
 

@@ -6,7 +6,7 @@ import { type Network, networksFor, readNetworks } from "./networks";
 
 const SOUND = weights([ONE, OTHER]);
 
-/** A sound file's header, with something changed. */
+/** A valid file's header with changes. */
 function changed(change: (header: Header) => void): ArrayBuffer {
   const header = structuredClone(SOUND.header);
   change(header);

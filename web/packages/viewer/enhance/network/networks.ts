@@ -28,7 +28,7 @@ const Descriptions = v.pipe(
 );
 type Description = v.InferOutput<typeof Descriptions>[number];
 
-/** A convolution of 3×3 pixels; its numbers are halves, as in Tensor. */
+/** A convolution of 3×3 pixels; its numbers are half-precision, as in Tensor. */
 export interface Layer {
   readonly inputs: number;
   readonly outputs: number;
@@ -39,9 +39,9 @@ export interface Layer {
 }
 
 export interface Network {
-  /** The rung that it was trained for, in the ladder of then. */
+  /** The rung that it was trained for, in the ladder at that time. */
   readonly rung: number;
-  /** Of that rung: pixels, and JPEG's quality. */
+  /** Pixels and JPEG quality of that rung. */
   readonly width: number;
   readonly height: number;
   readonly quality: number;
@@ -76,7 +76,7 @@ function descriptions({ metadata }: Safetensors): Description[] {
   return networks;
 }
 
-/** Takes its tensors out of `tensors`. */
+/** Reads a network, removing its tensors from `tensors`. */
 function network(description: Description, tensors: Map<string, Tensor>): Network {
   const { rung, scale, layers, channels } = description;
   return {
@@ -107,8 +107,8 @@ function take(tensors: Map<string, Tensor>, name: string, shape: readonly number
 const NEAR = 1.25;
 
 /**
- * For each rung of a ladder the network that was trained for the nearest height; of two such, for the nearer quality. None where no
- * height is near. Throws EnhancementError if that is so of all.
+ * For each rung of a ladder, the network trained for the nearest height or, of two such, for the nearer quality; none if no height
+ * is near. Throws EnhancementError if no rung has a network.
  */
 export function networksFor(networks: readonly Network[], ladder: readonly Rung[]): (Network | undefined)[] {
   const found = ladder.map((rung) => nearest(networks, rung));

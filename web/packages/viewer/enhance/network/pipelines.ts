@@ -1,4 +1,4 @@
-/** A network on a device: its compute pipelines, and its textures for the sizes of frames that come. */
+/** A network on a device: its compute pipelines, and its textures for the sizes of incoming frames. */
 import { EnhancementError } from "../model/enhancer";
 import type { Network } from "./networks";
 import { FORMAT, fasterPrecision, shaders } from "./wgsl";
@@ -29,7 +29,7 @@ export class NetworkPipelines {
     this.#steps = steps;
   }
 
-  /** Compiles all layers at once, without holding up the page. Rejects with an EnhancementError if the device cannot. */
+  /** Compiles all layers at once, without blocking the page. Rejects with an EnhancementError if the device cannot. */
   static async compile(device: GPUDevice, network: Network): Promise<NetworkPipelines> {
     const steps = shaders(network, fasterPrecision(device)).map(async ({ code, tile }) => {
       const module = device.createShaderModule({ code });
@@ -42,7 +42,7 @@ export class NetworkPipelines {
     }
   }
 
-  /** Encodes the network's work on a frame; the next frame's overwrites the result. */
+  /** Encodes the network's work on a frame; the next frame's work overwrites the result. */
   run(encoder: GPUCommandEncoder, input: GPUTexture): GPUTexture {
     const { scale } = this.#network;
     if (scale * Math.max(input.width, input.height) > this.#device.limits.maxTextureDimension2D) return input;

@@ -1,6 +1,6 @@
 /**
  * Reads safetensors, strictly: a length, a JSON header, then the tensors in sequence
- * (github.com/huggingface/safetensors). Weights may come from a foreign server, so every error is reported in one
+ * (github.com/huggingface/safetensors). Weights may come from an untrusted server, so every error is reported in one
  * sentence. Pure.
  */
 import * as v from "valibot";
@@ -17,7 +17,7 @@ export interface Safetensors {
   readonly tensors: ReadonlyMap<string, Tensor>;
 }
 
-/** Bytes. A network of tens of thousands of weights takes a tenth of it. */
+/** Largest file in bytes; a network of tens of thousands of weights takes a tenth of it. */
 export const MAX_BYTES = 1_000_000;
 const MAX_HEADER_BYTES = 65_536;
 /** All exponent bits: infinite or not a number. */
@@ -31,7 +31,7 @@ const Description = v.strictObject({
   data_offsets: v.tuple([natural, natural]),
 });
 
-/** Throws EnhancementError. */
+/** Reads a file. Throws EnhancementError. */
 export function readSafetensors(file: ArrayBuffer): Safetensors {
   if (file.byteLength > MAX_BYTES) throw new EnhancementError("its weights are larger than 1 MB.");
   const [header, data] = parts(file);
@@ -84,7 +84,7 @@ function inFileOrder(descriptions: Record<string, unknown>) {
     .sort((a, b) => a.description.data_offsets[1] - b.description.data_offsets[1]);
 }
 
-/** A foreign name, made fit for a sentence. */
+/** An untrusted name, quoted for use in a message. */
 export function quoted(name: string): string {
   return JSON.stringify(name.length > 40 ? `${name.slice(0, 40)}…` : name);
 }

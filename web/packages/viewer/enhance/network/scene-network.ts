@@ -1,4 +1,4 @@
-/** A scene's networks on a device, one a rung. */
+/** A scene's networks on a device, one per rung. */
 import type { Rung } from "#client/wire/render";
 import { EnhancementError, type Loaded } from "../model/enhancer";
 import { networksFor, readNetworks } from "./networks";

@@ -25,9 +25,9 @@ export function fasterPrecision(device: Pick<GPUDevice, "features"> & { adapterI
   return device.features.has("shader-f16") && device.adapterInfo?.vendor !== "nvidia" ? "f16" : "f32";
 }
 
-/** Of leaky ReLU. */
+/** Slope of leaky ReLU. */
 const SLOPE = 0.1;
-/** Of activations and of the enhanced picture. */
+/** Texture format of activations and of the enhanced picture. */
 export const FORMAT = "rgba16float";
 /** Bytes of workgroup memory that every device has. */
 const WORKGROUP_MEMORY = 16_384;
@@ -43,7 +43,7 @@ export function shaders(network: Network, precision: Precision): Shader[] {
 
 interface Place {
   readonly first: boolean;
-  /** For the last layer: of the network. */
+  /** The network's scale for its last layer, else null. */
   readonly scale: 1 | 2 | null;
   readonly precision: Precision;
 }
