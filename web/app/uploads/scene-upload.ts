@@ -107,7 +107,7 @@ export class SceneUpload {
   }
 }
 
-/** Forgets an upload that has become a scene, so that sending it again starts anew. Until then, the server may still have it. */
+/** Forgets an upload that has become a scene, so that sending it again is a new upload. Until then, the server may still have it. */
 async function forget(upload: Upload): Promise<void> {
   for (const { urlStorageKey } of await upload.findPreviousUploads()) {
     await upload.options.urlStorage?.removeUpload(urlStorageKey);

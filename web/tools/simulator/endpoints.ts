@@ -19,7 +19,7 @@ export interface Endpoints {
   decode(rung: number): number;
   /** When the page's animation frame after `now` comes. */
   nextAnimationFrame(now: number): number;
-  /** Degrees a second at a time; times never go back. */
+  /** Degrees per second at a time; times never go back. */
   turning(now: number): number;
 }
 

@@ -17,7 +17,7 @@ export class Head {
     this.#duration = Math.max(1, points.at(-1)?.t_ms ?? 0);
   }
 
-  /** Degrees a second at a time. */
+  /** Degrees per second at a time. */
   speed(now: number): number {
     return (this.turned(now - SPAN, now) * 1000) / SPAN;
   }

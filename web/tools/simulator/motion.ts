@@ -15,7 +15,7 @@ export class Motion {
     this.#random = random;
   }
 
-  /** Degrees a second at a time; times never go back. */
+  /** Degrees per second at a time; times never go back. */
   speed(now: number): number {
     const elapsed = now - this.#at;
     this.#at = now;

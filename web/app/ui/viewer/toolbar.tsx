@@ -57,7 +57,7 @@ export function Toolbar({ name, session, actions, lab, saving }: Props) {
   );
 }
 
-/** Copies a link to the present view to the clipboard and the address bar. */
+/** Copies a link to the current view to the clipboard and the address bar. */
 function CopyLink({ session }: { session: ViewerSession }) {
   const [copied, setCopied] = useState(false);
   const copy = async () => {

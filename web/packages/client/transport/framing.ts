@@ -7,7 +7,7 @@ type Bytes = Uint8Array<ArrayBuffer>;
 const LENGTH_BYTES = 4;
 const MAX_HEADER_BYTES = 65_536;
 
-/** The header and the image of a reply. Throws RequestProblem if the server refused, Error if the bytes make no sense. */
+/** The header and the image of a reply. Throws RequestProblem if the server refused, Error if the bytes are invalid. */
 export function parseFrame(chunks: readonly Bytes[]): { header: FrameHeader; image: Blob } {
   const length = split(chunks, LENGTH_BYTES);
   const headerBytes = new DataView(length.head.buffer, length.head.byteOffset).getUint32(0);

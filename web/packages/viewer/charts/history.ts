@@ -70,7 +70,7 @@ const SAMPLED = {
   bandwidth: ({ bandwidth }: Figures) => bandwidth / 1e6,
   /** Seconds stalled since the side started. */
   stalled: ({ stalls }: Figures) => stalls.time / 1000,
-  /** New views a second. */
+  /** New views per second. */
   newViews: ({ newViewsPerSecond }: Figures) => newViewsPerSecond,
   /** Lines of pixels in the picture. */
   lines: ({ picture }: Figures) => picture?.height ?? null,

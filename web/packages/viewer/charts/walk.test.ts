@@ -4,7 +4,7 @@ import { WalkRecorder } from "./walk";
 
 const NO_FIGURES = { ...NOTHING, contentAge: 50 };
 
-/** Walks from `from` to `to` and is observed for two more seconds; the left side shows 40 new views a second, and the right one 20. */
+/** Walks from `from` to `to` and is observed for two more seconds; the left side shows 40 new views per second, and the right one 20. */
 function walk(recorder: WalkRecorder, from: number, to: number): void {
   for (let now = from; now <= to + 2250; now += 250) {
     const moved = Math.min(now, to);

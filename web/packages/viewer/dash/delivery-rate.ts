@@ -12,7 +12,7 @@ const HEADER = 8;
 const MDAT = 0x6d646174;
 
 export class DeliveryRate {
-  /** Bits a second of each chunk. */
+  /** Bits per second of each chunk. */
   readonly #rates = new TimeWindow(SPAN);
   /** Received part of the current box's header. */
   #header: number[] = [];

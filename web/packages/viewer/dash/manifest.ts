@@ -2,7 +2,7 @@
 
 export interface Representation {
   readonly id: string;
-  /** Bits a second. */
+  /** Bits per second. */
   readonly bandwidth: number;
   readonly codecs: string;
 }

@@ -1,7 +1,7 @@
 /** Gamepad input: the left stick walks, the right one turns, triggers rise and sink, bumpers change the speed. Pure. */
 import type { Axes } from "../view/motion";
 
-/** The part of a Gamepad that matters; of the standard layout. */
+/** The part of a Gamepad that is used; in the standard layout. */
 export interface Pad {
   readonly mapping: string;
   readonly axes: readonly number[];

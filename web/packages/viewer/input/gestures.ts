@@ -15,9 +15,9 @@ const TRACKPAD_PINCH = 0.1;
 const PINCH_SECONDS = 1.2;
 /** Degrees of orbit across the width of the stage. */
 const ORBIT_DEGREES = 180;
-/** Two fingers that wander across the stage's height go this far, in seconds of walking. */
+/** Two fingers moved across the stage's height go this far, in seconds of walking. */
 const PAN_SECONDS = 2;
-/** However wildly a wheel spins, one event is no teleporter. */
+/** Limit of one event, however fast the wheel spins. */
 const MAX_NOTCHES = 5;
 
 /** Look: the point under the pointer stays under it. `fx`, `fy` are in CSS pixels. */

@@ -2,14 +2,14 @@
 
 /** Time constant in milliseconds, after which about two thirds have been applied. */
 const TIME_CONSTANT = 60;
-/** Less than this many seconds of walking is given out at once: the end of a jump is no endless stream of frames. */
+/** A rest below this many seconds of walking is applied at once, so that a jump does not tail off in endless frames. */
 const LEAST = 0.004;
 
 export class Glide {
   readonly #smooth: () => boolean;
   #rest = 0;
 
-  /** `smooth`: all of it at once otherwise. */
+  /** Unless `smooth`, everything is applied at once. */
   constructor(smooth: () => boolean) {
     this.#smooth = smooth;
   }

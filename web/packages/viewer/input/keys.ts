@@ -28,7 +28,7 @@ const BINDINGS: Readonly<Record<string, readonly [Axis, 1 | -1]>> = {
   ArrowDown: ["turnUp", -1],
 };
 
-/** The part of a KeyboardEvent that matters. */
+/** The part of a KeyboardEvent that is used. */
 export interface Key {
   readonly code: string;
   readonly ctrlKey: boolean;
@@ -57,12 +57,12 @@ export class HeldKeys {
     else this.#held.delete(code);
   }
 
-  /** After the page loses the focus it gets no keyup events. */
+  /** Releases all keys, since a page without the focus gets no keyup events. */
   releaseAll(): void {
     this.#held.clear();
   }
 
-  /** Keys held `elapsed` milliseconds after the last call. */
+  /** Input from the held keys, `elapsed` milliseconds after the last call. */
   axes(elapsed: number): Axes {
     const axes = { forward: 0, right: 0, up: 0, turnRight: 0, turnUp: 0 };
     for (const [code, before] of this.#held) {

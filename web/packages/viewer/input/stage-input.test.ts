@@ -36,7 +36,7 @@ function element(selector: string): HTMLElement {
   return found;
 }
 
-/** Whether the camera moves after a key press, and whether the browser's default action happens. */
+/** Whether the camera moves after a key press, and whether the browser's default action is performed. */
 function press(code: string, where: string): { moves: boolean; browser: boolean } {
   const event = new KeyboardEvent("keydown", { code, bubbles: true, cancelable: true });
   element(where).dispatchEvent(event);

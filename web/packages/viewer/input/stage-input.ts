@@ -10,20 +10,20 @@ interface Point {
   readonly y: number;
 }
 
-/** Where keys write text or open something. */
+/** Elements in which keys write text or open something. */
 export const TYPING = "input:not([type=radio], [type=checkbox]), select, textarea, dialog, [contenteditable]";
-/** Where Space presses something and Shift goes back with Tab, and where arrows choose something. */
+/** Elements in which Space activates and Shift+Tab goes back, and elements in which arrows choose. */
 const PRESSING = "button, a, summary, input";
 const CHOOSING = "input[type=radio]";
 
 export interface StageInputOptions {
   /** The focal lengths in CSS pixels of the stage. */
   readonly focal: () => { readonly fx: number; readonly fy: number };
-  /** Whether dragging orbits; with Alt held it does the other thing. */
+  /** Whether dragging orbits; holding Alt does the opposite. */
   readonly orbits: () => boolean;
   /** Whether keys move the camera wherever the focus is, or only on the stage. */
   readonly keysAnywhere: () => boolean;
-  /** A place of the stage was clicked twice. */
+  /** Called when the stage is double-clicked. */
   readonly onFocus: (event: MouseEvent) => void;
   /** Whether keys, gamepads and the wheel move the camera only while the stage has the focus. */
   readonly sharesPage: boolean;
@@ -42,7 +42,7 @@ export class StageInput {
   #button = MAIN;
   readonly #listening = new AbortController();
   readonly #glide = new Glide(() => !matchMedia("(prefers-reduced-motion: reduce)").matches);
-  /** Whether there was any: asking for them takes longer than all other input. */
+  /** Whether any gamepad was seen: polling them takes longer than all other input. */
   #gamepads = navigator.getGamepads?.().some(Boolean);
   #nudge = NO_NUDGE;
 
@@ -88,7 +88,7 @@ export class StageInput {
     };
   }
 
-  /** Turn mouse look on or off; Esc also ends it. */
+  /** Turns mouse look on or off; Esc also ends it. */
   async lock(): Promise<void> {
     if (this.#locked) {
       document.exitPointerLock();
@@ -157,7 +157,7 @@ export class StageInput {
     return document.pointerLockElement === this.#stage;
   }
 
-  /** Whether input that is not aimed at an element is meant for this stage. */
+  /** Whether input without a target element is meant for this stage. */
   get #attended(): boolean {
     if (!this.#options.sharesPage) return true;
     return (this.#stage.getRootNode() as Document | ShadowRoot).activeElement === this.#stage;

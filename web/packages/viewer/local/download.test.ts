@@ -6,7 +6,7 @@ const FILE = Uint8Array.from({ length: 1000 }, (_, i) => i % 251);
 
 type Answer = (request: Headers, signal: AbortSignal) => Response | Error | Promise<never>;
 
-/** Pauses take no time, but for the work of a turn. */
+/** Pauses take no time other than one turn of the event loop. */
 beforeEach(() => {
   vi.useFakeTimers({ toFake: ["setTimeout", "clearTimeout"] }).setTimerTickMode("nextTimerAsync");
 });
@@ -25,7 +25,7 @@ function server(...answers: Answer[]) {
   return asked;
 }
 
-/** Of the file, from a byte on; `until` cuts it off. */
+/** An answer with the file from a byte on; `until` cuts it off. */
 function part({ from = 0, until = FILE.length, etag = '"one"', file = FILE } = {}): Response {
   const rest = file.slice(from, until);
   const body = new ReadableStream({
@@ -40,7 +40,7 @@ function part({ from = 0, until = FILE.length, etag = '"one"', file = FILE } = {
   return new Response(body, { status: from > 0 ? 206 : 200, headers });
 }
 
-/** The file's beginning, and then nothing. */
+/** An answer with the file's beginning, which then stalls. */
 const silent: Answer = (_, signal) => {
   const body = new ReadableStream({
     start: (controller) => {

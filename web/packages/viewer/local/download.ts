@@ -1,4 +1,4 @@
-/** Fetches a file into memory; where it is cut off, it is resumed. */
+/** Fetches a file into memory, resuming where it was cut off. */
 
 import { retry } from "#client/async/retry";
 import { ApiError, readProblem } from "#client/http/problem";
@@ -9,11 +9,11 @@ export interface DownloadOptions {
   readonly signal: AbortSignal;
   /** Progress: the file at its full length, and the number of received bytes. */
   readonly onBytes: (file: Uint8Array<ArrayBuffer>, received: number) => void;
-  /** The download was interrupted; it resumes automatically. */
+  /** Called when the download is interrupted; it resumes automatically. */
   readonly onCut: (message: string) => void;
 }
 
-/** Of the statuses that pass. */
+/** Transient statuses. */
 const BUSY = [408, 429, 502, 503, 504];
 /** A download without a byte for this many milliseconds counts as interrupted. */
 const PATIENCE = 20_000;

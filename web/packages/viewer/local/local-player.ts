@@ -25,7 +25,7 @@ export interface LocalStats extends Figures {
   /** Rendered and total Gaussians; null until the header has arrived. */
   readonly drawn: number;
   readonly gaussians: number | null;
-  /** Since the mode was entered, in milliseconds; null until then. */
+  /** Times since the mode was entered, in milliseconds; null before the event. */
   readonly firstPictureMs: number | null;
   readonly completeMs: number | null;
   /** The renderer; null until it works. */
@@ -53,7 +53,7 @@ export interface LocalOptions {
   readonly rig: Rig;
   readonly scene: SceneInfo;
   readonly form: Settings["localForm"];
-  /** Where the scene's file is; in a cluster, that changes. */
+  /** URL of the scene's file, which changes in a cluster. */
   readonly url: () => string;
   readonly size: () => Size;
   readonly onPresented: (frame: PresentedFrame) => void;
@@ -99,7 +99,7 @@ export class LocalPlayer {
   #firstPictureMs: number | null = null;
   #completeMs: number | null = null;
   #drawn: Drawn | null = null;
-  /** Not reported yet. */
+  /** Whether the drawn picture has not been reported yet. */
   #untold = false;
   #publishedAt = 0;
 
@@ -111,7 +111,7 @@ export class LocalPlayer {
     this.#run(this.#visit.signal).catch((error: unknown) => this.#failed(error));
   }
 
-  /** Ends the download, and gives back all that it took. */
+  /** Ends the download, and frees everything that it used. */
   dispose(): void {
     this.#visit.abort();
     this.#leave();
@@ -151,7 +151,7 @@ export class LocalPlayer {
     this.#meter.presented({ at: now, pose: pose.seq, rung: null, width, height });
   }
 
-  /** A picture that was drawn before the gap counts: at rest there is no other, and the first one may cause the gap. */
+  /** A picture drawn before the gap still counts: at rest no other follows, and the first one may cause the gap. */
   resumed(gap: number): void {
     this.#meter.resumed(gap);
   }
@@ -160,7 +160,7 @@ export class LocalPlayer {
     const { rig, size } = this.#options;
     const { pose } = rig;
     this.#meter.sampled(pose.seq, now);
-    // Until there is a picture, poses wait for the download: that is no latency.
+    // Until there is a picture, poses wait for the download, which is not latency.
     if (moved && this.#firstPictureMs !== null) this.#meter.moved(pose.seq, now);
     const lens = { ...rig.intrinsics.peek(), ...rig.viewport.peek() };
     if (this.#renderer?.draw({ pose, lens, size: size(), now })) {
@@ -233,7 +233,7 @@ export class LocalPlayer {
 
   #came(file: Uint8Array<ArrayBuffer>, received: number): void {
     if (file !== this.#file) {
-      this.#header = this.#given = null; // the server has another version by now
+      this.#header = this.#given = null; // the server has a different version by now
       this.#file = file;
       this.#total = file.length;
     }

@@ -4,10 +4,10 @@
  * are optional.
  */
 
-/** Of all Gaussians, in files that name no parts. Building one costs as much as its share, so all cost less than twice the last. */
+/** Shares of all Gaussians, for files that declare no parts. A part costs as much as its share, so all cost less than twice the last. */
 const SHARES = [0.02, 0.05, 0.1, 0.25, 0.5] as const;
 
-/** The next part to render of the received one; null: wait for more. */
+/** The next part to render from the received bytes; null to wait for more. */
 export function nextStep(
   { gaussians, lines }: Pick<PlyHeader, "gaussians" | "lines">,
   there: Prefix,
@@ -21,14 +21,14 @@ export function nextStep(
 }
 
 const PART = /^comment first (\d+) growth (\d+(?:\.\d+)?)$/;
-/** The ends of a range of scales, which are logarithms. */
+/** Bounds of a range of scales, which are logarithms. */
 const SCALE = /^(min|max)_scale_/;
 
 export function isScale(type: string, name: string): boolean {
   return type === "float" && SCALE.test(name);
 }
 
-/** How many Gaussians the parts have that the header speaks of, the smallest first. */
+/** Numbers of Gaussians in the parts that the header declares, smallest first. */
 function partsOf(header: readonly string[]): number[] {
   return header.map((line) => Number(PART.exec(line)?.[1] ?? 0)).filter((count) => count > 0);
 }
@@ -64,10 +64,10 @@ export function grown(
 
 export interface PlyHeader {
   readonly lines: readonly string[];
-  /** With its last line. */
+  /** Length in bytes, including the last line. */
   readonly bytes: number;
   readonly elements: readonly PlyElement[];
-  /** How many the whole file has. */
+  /** Number of Gaussians in the whole file. */
   readonly gaussians: number;
 }
 
@@ -143,7 +143,7 @@ export function arrived({ bytes, elements, gaussians }: PlyHeader, received: num
   return { gaussians: 0, whole: false };
 }
 
-/** The parts of a file that has these Gaussians only, drawn larger while they are not all. */
+/** The pieces of a file with only these Gaussians, enlarged while some are missing. */
 export function prefixOf(
   header: PlyHeader,
   file: Uint8Array<ArrayBuffer>,
@@ -162,7 +162,7 @@ export function prefixOf(
   return [new TextEncoder().encode(headerWith(header.lines, counts)), ...parts];
 }
 
-/** The same header with other counts; an element that has none is left out. */
+/** The same header with different counts; empty elements are left out. */
 function headerWith(lines: readonly string[], counts: Readonly<Record<string, number>>): string {
   let kept = true;
   const said = lines.flatMap((line) => {

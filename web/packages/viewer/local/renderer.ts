@@ -1,5 +1,5 @@
 /**
- * Draws Gaussians in this browser, with PlayCanvas: the same camera and colours as the server's pictures have. Large, so it is loaded
+ * Draws Gaussians in this browser, with PlayCanvas, with the same camera and colours as the server's pictures. Large, so it is loaded
  * only when it is needed.
  */
 import {
@@ -29,11 +29,11 @@ export type Lens = Intrinsics & Viewport;
 
 export interface RendererOptions {
   readonly canvas: HTMLCanvasElement;
-  /** Of the scene: sRGB, 0 to 1. */
+  /** Background of the scene: sRGB, 0 to 1. */
   readonly background: readonly [number, number, number];
   /** Whether splats widened to a pixel are dimmed accordingly (Mip-Splatting's 2D filter). */
   readonly antialiased: boolean;
-  /** The GPU device was lost: rendering has ended. */
+  /** Called when the GPU device is lost, which ends rendering. */
   readonly onLost: () => void;
 }
 
@@ -41,26 +41,26 @@ export interface View {
   readonly pose: ScenePose;
   readonly lens: Lens;
   readonly size: Size;
-  /** In milliseconds. */
+  /** Time in milliseconds. */
   readonly now: number;
-  /** Render even without changes. */
+  /** Renders even without changes. */
   readonly again?: boolean;
 }
 
-/** As the rasteriser has it, in scene units, and farther than any scene is large. */
+/** Clipping distances in scene units: the rasteriser's, and one beyond any scene. */
 const NEAR = 0.01;
 const FAR = 10_000;
 /** Degrees of rotation after which view-dependent colours are recomputed; PlayCanvas' default is 10. */
 const COLOUR_ANGLE = 2;
-/** Levels of detail that a streamed scene may be short of while better ones load: PlayCanvas would show nothing. */
+/** Levels of detail that may be missing while better ones load; with fewer, PlayCanvas would show nothing. */
 const ANY_LEVEL = 64;
-/** Gaussians of a streamed scene that are drawn at most: PlayCanvas' default. */
+/** The most Gaussians of a streamed scene that are drawn: PlayCanvas' default. */
 const BUDGET = 1_000_000;
 /** A budget for which only the coarsest level is loaded. With more, the next level would load at the same time. */
 const COARSEST = 1;
-/** Retries of a file, at growing intervals: 17 seconds together, in which a service starts again. */
+/** Retries of a file, at growing intervals: 17 seconds in total, enough for a service to restart. */
 const RETRIES = 7;
-/** Bytes that are copied at once. */
+/** Bytes copied at a time. */
 const COPIED = 1 << 20;
 /** A half turn about x: from a camera that looks along z with y down (ours) to one that looks along -z with y up. */
 const FLIPPED = [1, 0, 0, 0] as const;
@@ -85,27 +85,27 @@ export class Renderer {
   readonly #camera: Entity;
   readonly #scene: Entity;
   #asset: Asset | null = null;
-  /** Scenes shown so far. */
+  /** Number of scenes shown so far. */
   #shown = 0;
   #projection: number[] = [];
   #aim: readonly number[] = [];
   /** Called once the newest scene is in the picture. */
   #pending: (() => void) | null = null;
   #streamed = false;
-  /** Files of a streamed scene that the view still needs, now and at most. */
+  /** Files of a streamed scene that the view still needs: now, and the maximum. */
   #waiting = 0;
   #mostWaiting = 0;
-  /** The coarsest level of a streamed scene is in the picture, so that better ones may load. */
+  /** Whether the coarsest level of a streamed scene is in the picture, so that better ones may load. */
   #refining = false;
-  /** The picture shows another scene than the last one reported. */
+  /** Whether the picture shows a different scene from the last one reported. */
   #changed = false;
-  /** A scene is in the picture. */
+  /** Whether a scene is in the picture. */
   #visible = false;
 
   constructor(device: GraphicsDevice, { canvas, background, antialiased, onLost }: RendererOptions) {
     this.#canvas = canvas;
     this.backend = device.isWebGPU ? "WebGPU" : "WebGL 2";
-    device.maxPixelRatio = 1; // the size is given in the screen's pixels
+    device.maxPixelRatio = 1; // the size is in the screen's pixels
     const setup = new AppOptions();
     setup.graphicsDevice = device;
     setup.componentSystems = [CameraComponentSystem, GSplatComponentSystem];
@@ -160,7 +160,7 @@ export class Renderer {
 
   /**
    * Shows the scene with the lod-meta.json at a URL: the levels of detail that the view needs, of at most a million
-   * Gaussians together, after the coarsest level of all. Resolves when the present view's are in the picture; throws
+   * Gaussians together, after the coarsest level of all. Resolves when the current view's are in the picture; throws
    * if there are none.
    */
   async stream(url: string): Promise<void> {
@@ -191,7 +191,7 @@ export class Renderer {
     });
   }
 
-  /** Before the first file of a streamed scene has come, PlayCanvas shows nothing. */
+  /** Follows the loading of a streamed scene: before its first file arrives, PlayCanvas shows nothing. */
   #frameReady(ready: boolean, waiting: number): void {
     this.#waiting = waiting;
     this.#mostWaiting = Math.max(this.#mostWaiting, waiting);
@@ -224,7 +224,7 @@ export class Renderer {
     }
     this.#changed = false;
     if (this.#refining) this.#app.scene.gsplat.splatBudget = BUDGET; // not while PlayCanvas updates its levels
-    const starting = this.#pending !== null && this.#waiting === 0; // otherwise, arriving data asks for frames
+    const starting = this.#pending !== null && this.#waiting === 0; // otherwise, arriving data requests frames
     if (changed || again || starting) this.#app.renderNextFrame = true;
     this.#app.tick(now);
     cancelAnimationFrame(this.#app.frameRequestId);

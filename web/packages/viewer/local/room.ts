@@ -12,11 +12,11 @@ const UNTOLD_MEMORY_GB = 4;
 /** Usable share of the machine's memory; other pages and programs need the rest. */
 const SHARE = 0.5;
 const GB = 1e9;
-/** Floats of a Gaussian but for its spherical harmonics: centre, scales, rotation, opacity, colour. */
+/** Floats of a Gaussian except its spherical harmonics: centre, scales, rotation, opacity, colour. */
 const FLOATS = 14;
-/** On the graphics processor and for sorting: transform, colour and order, twice; centres in memory. */
+/** Bytes on the graphics processor and for sorting: transform, colour and order, twice; centres in memory. */
 const DRAWN = 76;
-/** Of its packed coefficients, at each degree. */
+/** Bytes of its packed coefficients, at each degree. */
 const DRAWN_SH = [0, 16, 32, 64] as const;
 
 /** Estimated size of a download that has not been prepared yet: the server's own file may be packed differently. */
@@ -24,7 +24,7 @@ export function fileBytes(gaussians: number, shDegree: number): number {
   return gaussians * (16 + 3 * ((shDegree + 1) ** 2 - 1));
 }
 
-/** Bytes that it takes to draw a scene while its file is still there. */
+/** Bytes needed to draw a scene while its file is still in memory. */
 export function memoryFor({ gaussians, shDegree, bytes }: Weight): number {
   const coefficients = 3 * ((shDegree + 1) ** 2 - 1);
   return bytes + gaussians * (4 * (FLOATS + coefficients) + DRAWN + (DRAWN_SH[shDegree] ?? 64));

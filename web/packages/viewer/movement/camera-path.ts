@@ -20,7 +20,7 @@ const EASINGS = {
 };
 
 export type NamedEasing = keyof typeof EASINGS;
-/** How a path begins and ends: by name, or as a function from the share of time to the share of the way, both 0 to 1. */
+/** How a path starts and ends: by name, or as a function from the fraction of time to the fraction of the way, both 0 to 1. */
 export type Easing = NamedEasing | ((share: number) => number);
 
 export interface CameraPath {
@@ -75,7 +75,7 @@ export function cameraPath(
   };
 }
 
-/** Arithmetic of a spline's values: the way between two as a vector, and values along it. */
+/** Arithmetic of a spline's values: the difference of two as a vector, and values along it. */
 interface Space<Value> {
   way(from: Value, to: Value): Vector3;
   moved(from: Value, way: Vector3): Value;
@@ -88,7 +88,7 @@ const POSITIONS: Space<Vector3> = {
   between: (from, to, share) => add(from, scaled(subtract(to, from), share)),
 };
 
-/** Ways are rotation vectors in the camera's own frame. */
+/** Differences are rotation vectors in the camera's own frame. */
 const ROTATIONS: Space<Quaternion> = {
   way: (from, to) => toRotationVector(multiply(conjugate(from), to)),
   moved: (from, way) => multiply(from, fromRotationVector(way)),
@@ -127,7 +127,7 @@ function spline<Value>(
   };
 }
 
-/** The velocity at each keyframe: the mean over the ways before and after it; none where the camera rests on one side. */
+/** The velocity at each keyframe: the mean over the segments before and after it; zero where the camera rests on one side. */
 function speedsAt(times: readonly number[], ways: readonly Vector3[], closed: boolean): Vector3[] {
   const spans = ways.map((_, i) => (times[i + 1] as number) - (times[i] as number));
   const speed = (before: number, after: number): Vector3 => {

@@ -23,7 +23,7 @@ beforeEach(() => {
   deck.insert(addFile("walk.csv", WALK));
 });
 
-/** Where the camera is at a time, along x. */
+/** The camera's position along x at a time. */
 const x = (now: number): number => {
   rig.sample(now);
   return rig.pose.position[0];

@@ -1,6 +1,6 @@
 /**
  * Plays movement traces in the viewer and records the user's movement, like a tape deck: one thing at a time. The rig
- * follows a playing movement; stopping it continues from the camera's present pose. Time is part of the samples.
+ * follows a playing movement; stopping it continues from the camera's current pose. Time is part of the samples.
  */
 import { computed, effect, type ReadonlySignal, type Signal, signal, untracked } from "@preact/signals";
 import { ApiError } from "#client/http/problem";
@@ -32,11 +32,11 @@ export const movements = signal<readonly NamedMovement[]>([]);
 export const unsaved = signal<ReadonlySet<NamedMovement>>(new Set());
 
 export class MovementDeck {
-  /** At its end, a movement begins again. */
+  /** Whether a movement restarts at its end. */
   readonly loop: Signal<boolean> = signal(false);
   /** Reason why the last requested movement is unavailable, in one sentence. */
   readonly problem: Signal<string | null> = signal(null);
-  /** Something else moves the camera: a script, or an experiment. */
+  /** Whether something else moves the camera: a script, or an experiment. */
   readonly busy: ReadonlySignal<boolean>;
   readonly #rig: Rig;
   readonly #chosen: Signal<NamedMovement | null>;
@@ -47,13 +47,13 @@ export class MovementDeck {
   #points: readonly TimedPose[] = [];
   #recorded: TimedPose[] = [];
   #startedAt = 0;
-  /** Where the movement is, to the microsecond. */
+  /** Position in the movement, to the microsecond. */
   #at = 0;
-  /** The part of it that the camera has shown last. */
+  /** Position that the camera has shown last. */
   #shown = -1;
   #sampledAt: number | null = null;
 
-  /** `chosen`: the loaded movement. */
+  /** `chosen` is the loaded movement. */
   constructor(rig: Rig, chosen: Signal<NamedMovement | null> = signal(null)) {
     this.#rig = rig;
     this.#chosen = chosen;
@@ -95,7 +95,7 @@ export class MovementDeck {
     }
   }
 
-  /** The chosen movement as a path in the present scene; null without one of them. */
+  /** The chosen movement as a path in the current scene; null if either is missing. */
   get path(): CameraPath | null {
     const movement = this.#chosen.peek();
     const { scene } = this.#rig;
@@ -112,25 +112,25 @@ export class MovementDeck {
     this.#moveTo(0);
   }
 
-  /** From where it was paused, or from the start. */
+  /** Plays from where it was paused, or from the start. */
   play(): void {
     if (this.#at >= (this.#chosen.peek()?.trace.duration ?? 0)) this.#moveTo(0);
     this.#follow("playing");
   }
 
-  /** The camera stays where the movement has brought it. */
+  /** Pauses the movement; the camera stays where it is. */
   pause(): void {
     if (this.#driving) this.#state.value = "paused";
   }
 
-  /** Show the movement at a time, in milliseconds. */
+  /** Seeks to a time in the movement, in milliseconds. */
   seek(at: number): void {
     const duration = this.#chosen.peek()?.trace.duration ?? 0;
     this.#moveTo(Math.min(Math.max(0, at), duration));
     if (!this.#driving) this.#follow("paused");
   }
 
-  /** Ends playback or recording and returns the camera to the user, at its present pose. */
+  /** Ends playback or recording and returns the camera to the user, at its current pose. */
   stop(): void {
     if (this.#state.peek() === "recording") this.#keep();
     if (this.#driving) {
@@ -172,7 +172,7 @@ export class MovementDeck {
     this.#rig.drive(this.#source);
   }
 
-  /** The pose that is due; at the end, the camera is the person's. */
+  /** The pose that is due; at the end, the user gets the camera back. */
   readonly #source: PoseSource = (now) => {
     const elapsed = now - (this.#sampledAt ?? now);
     this.#sampledAt = now;
@@ -246,7 +246,7 @@ export function addFile(name: string, trace: MovementTrace): NamedMovement {
   return movement;
 }
 
-/** A movement is on the person's disk. */
+/** Records that a movement has been saved to disk. */
 export function markSaved(movement: NamedMovement): void {
   unsaved.value = new Set([...unsaved.peek()].filter((other) => other !== movement));
 }

@@ -39,7 +39,7 @@ export function readMovement(text: string, name = "The movement"): MovementTrace
   throw new MovementError(`${name} is empty.`);
 }
 
-/** Reads a file that a person chose. Throws MovementError. */
+/** Reads a file that the user chose. Throws MovementError. */
 export async function readMovementFile(file: File): Promise<MovementTrace> {
   if (SCENE_FILE.test(file.name)) {
     throw new MovementError(
@@ -74,7 +74,7 @@ export function writeMovement({ anchor, unit, comments, points }: MovementTrace)
 
 type Line = readonly [number: number, content: string];
 
-/** The lines that are not blank, by their numbers. */
+/** The non-blank lines, with their numbers. */
 function contentOf(text: string, name: string): Line[] {
   const lines: Line[] = [];
   for (const [index, line] of text
@@ -120,7 +120,7 @@ function readPoints(lines: readonly Line[], columns: readonly string[], name: st
     if (length < QUATERNION_LENGTHS[0] || length > QUATERNION_LENGTHS[1]) {
       throw refuse("has a quaternion that is not a rotation: its length is not 1");
     }
-    if (t_ms === before) continue; // recorders repeat a row now and then
+    if (t_ms === before) continue; // recorders occasionally repeat a row
     const unit = quaternion.map((value) => value / length) as ScenePose["quaternion"];
     points.push({ t_ms, position: [x, y, z], quaternion: unit });
   }
@@ -152,5 +152,5 @@ function number(text = ""): number {
 }
 
 function rounded(value: number, digits: number): number {
-  return Number(value.toFixed(digits)) + 0; // + 0 makes one zero of two
+  return Number(value.toFixed(digits)) + 0; // + 0 turns -0 into 0
 }

@@ -34,7 +34,7 @@ function interpolated(a: readonly number[], b: readonly number[], share: number)
   return a.map((value, i) => value + ((b[i] ?? value) - value) * share);
 }
 
-/** The shorter way (Shoemake 1985); nearly equal rotations are interpolated straight. */
+/** Interpolates the shorter way (Shoemake 1985); nearly equal rotations are interpolated linearly. */
 export function slerp(a: ScenePose["quaternion"], b: ScenePose["quaternion"], share: number): ScenePose["quaternion"] {
   const dot = a.reduce((sum, value, i) => sum + value * (b[i] ?? 0), 0);
   const sign = dot < 0 ? -1 : 1;
@@ -58,16 +58,16 @@ export interface MovementTrace {
   readonly unit: Unit;
   /** Other metadata of the file, by key. */
   readonly comments: ReadonlyMap<string, string>;
-  /** In a levelled frame; times grow from 0, rotations have the length one. Never empty. */
+  /** Poses in a levelled frame; times increase from 0, rotations have length 1. Never empty. */
   readonly points: readonly TimedPose[];
   /** From the first pose to the last, in milliseconds. */
   readonly duration: number;
 }
 
-/** Why a text is no movement, in one sentence. */
+/** Why a text is not a movement, in one sentence. */
 export class MovementError extends Error {}
 
-/** Less than `tigas` reads, because a page may be on a phone: more than 90 minutes at 90 poses a second. */
+/** Less than `tigas` reads, because a page may be on a phone: more than 90 minutes at 90 poses per second. */
 export const MAX_POINTS = 500_000;
 /**
  * The movement in a scene's own frame and unit. Anchored at the start it begins where the start camera stands, turned by its

@@ -1,4 +1,4 @@
-/** The movement traces that the store keeps: their list, and each of them. A failure is an ApiError, or a MovementError for what is no movement. */
+/** The movement traces that the store keeps: their list, and each of them. A failure is an ApiError, or a MovementError for an invalid movement. */
 
 import * as v from "valibot";
 import { storeUnreachable } from "#client/http/obstacles";

@@ -26,7 +26,7 @@ beforeEach(() => {
   foresight = new Foresight(rig, () => chosen);
 });
 
-/** Animation frames every 10 ms, each with a frame that was asked for 100 ms before; how far ahead the last one looks (m). */
+/** Animation frames every 10 ms, each with a frame that was requested 100 ms before; returns how far ahead the last one looks (m). */
 function frames(count: number, arrive: (askedAt: number, now: number) => void): number {
   let [x] = rig.pose.position;
   for (let i = 0; i < count; i++) {
@@ -48,7 +48,7 @@ test("what is drawn now is drawn for when it is seen: one frame of the display l
   const { position, seq } = foresight.onScreen(now);
   expect(position[0] - rig.pose.position[0]).toBeCloseTo(0.01, 6);
   expect(seq).toBe(rig.pose.seq);
-  expect(foresight.onScreen(now + 10)).toBe(rig.pose); // nothing was asked for in that animation frame
+  expect(foresight.onScreen(now + 10)).toBe(rig.pose); // nothing was requested in that animation frame
   chosen = "off";
   frames(1, () => undefined);
   expect(foresight.onScreen(now).position).toEqual(rig.pose.position);

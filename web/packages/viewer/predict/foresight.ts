@@ -1,4 +1,4 @@
-/** The predicted camera at the time when a frame requested now is on screen. */
+/** The predicted camera at the time when a frame requested now will be on the screen. */
 import { FrameClock } from "#client/abr/frame-clock";
 import { median } from "../enhance/median";
 import { isCut, type ScenePose, viewDistance } from "../view/camera";
@@ -24,7 +24,7 @@ export class LeadTime {
   #shownAt: number | undefined;
   #askedAt = Number.NEGATIVE_INFINITY;
 
-  /** A frame requested at a given time is on screen; repeats (a video at rest) are ignored. */
+  /** Records that a frame requested at a given time is on the screen; repeats (a video at rest) are ignored. */
   shown(askedAt: number, at: number): void {
     if (askedAt <= this.#askedAt) return;
     this.#askedAt = askedAt;
@@ -39,12 +39,12 @@ export class LeadTime {
     return this.#delays.length > 0;
   }
 
-  /** In milliseconds; 0 until a frame was shown. */
+  /** The horizon in milliseconds; 0 until a frame was shown. */
   get ahead(): number {
     return Math.min(LONGEST, Math.max(0, (median(this.#delays) || 0) + (median(this.#stays) || 0) / 2));
   }
 
-  /** New connection: resets the estimate. */
+  /** Resets the estimate, for a new connection. */
   clear(): void {
     this.#delays = [];
     this.#stays = [];
@@ -67,7 +67,7 @@ export class Predictor {
   #at = 0;
   #changedAt = Number.NEGATIVE_INFINITY;
 
-  /** `distance`: of the focus, in scene units. */
+  /** `distance` is that of the focus, in scene units. */
   constructor(predict: Predict, distance: () => number) {
     this.#predict = predict;
     this.#distance = distance;
@@ -109,7 +109,7 @@ function normalised([x, y, z, w]: ScenePose["quaternion"]): ScenePose["quaternio
   return [x / length, y / length, z / length, w / length];
 }
 
-/** From then on a view may be refined (ms). */
+/** A view may be refined after resting this long (ms). */
 const RESTS_AFTER = 300;
 
 export class Foresight {
@@ -118,11 +118,11 @@ export class Foresight {
   readonly #lead = new LeadTime();
   readonly #clock = new FrameClock();
   #sampledAt = Number.NEGATIVE_INFINITY;
-  /** The last time of a resting camera: its frames may be refinements, which are larger. */
+  /** The last time span of a resting camera, in which frames may be refinements, which are larger. */
   #rest = { from: 0, until: Number.POSITIVE_INFINITY };
   #name: PredictorName | undefined;
   #predictor: Predictor | undefined;
-  /** The rig's, when it was looked at last. */
+  /** The rig's number of placements when it was last checked. */
   #placements = 0;
 
   constructor(rig: Rig, chosen: () => PredictorName) {
@@ -135,7 +135,7 @@ export class Foresight {
     return this.#lead.ahead;
   }
 
-  /** Once per animation frame, after the rig was sampled: the pose to ask for. */
+  /** Called once per animation frame, after the rig was sampled: the pose to request. */
   pose(now: number): ScenePose {
     this.#sampledAt = now;
     this.#clock.tick(now);
@@ -157,13 +157,13 @@ export class Foresight {
     return { ...this.#current().predict(this.#clock.interval), seq: pose.seq };
   }
 
-  /** Records that the frame requested at a given time is on screen. */
+  /** Records that the frame requested at a given time is on the screen. */
   shown(askedAt: number, now: number): void {
     const { from, until } = this.#rest;
     if (!this.#lead.known || askedAt < from || askedAt >= until) this.#lead.shown(askedAt, now);
   }
 
-  /** Another connection: how long frames take is not known. */
+  /** Resets the lead time, which is unknown for a new connection. */
   reset(): void {
     this.#lead.clear();
     this.#predictor?.reset();

@@ -11,14 +11,14 @@ type Weights = readonly (readonly number[])[];
 
 interface Coefficients {
   readonly step_ms: number;
-  /** How far back they look, in steps. */
+  /** Number of steps that they look back. */
   readonly steps: number;
   readonly horizons_ms: readonly number[];
   readonly turned: readonly Weights[];
   readonly moved: readonly Weights[];
 }
 
-/** Null until they are loaded; a prediction is the present pose until then. */
+/** Null until they are loaded; until then a prediction is the current pose. */
 let coefficients: Coefficients | null = null;
 let loading: Promise<void> | undefined;
 

@@ -13,9 +13,9 @@ import {
 
 /** How one pose differs from another, as seen from the other. */
 export interface PoseChange {
-  /** In scene units. */
+  /** Displacement in scene units. */
   readonly moved: Vector3;
-  /** Along the axis, in radians. */
+  /** Rotation vector: along the axis, in radians. */
   readonly turned: Vector3;
 }
 
@@ -31,7 +31,7 @@ export class PoseHistory {
   /** The last pose; the origin without any. */
   last = NOWHERE;
 
-  /** Times are in milliseconds on one clock, and increase. */
+  /** Adds a pose; times are in milliseconds on one clock, and increase. */
   add(pose: ScenePose, at: number): void {
     if (this.#poses.at(-1)?.t_ms === at) this.#poses.pop();
     this.last = pose;
@@ -65,13 +65,13 @@ export class PoseHistory {
     };
   }
 
-  /** The known time before the last pose, in milliseconds. */
+  /** Length of the known history before the last pose, in milliseconds. */
   get known(): number {
     return (this.#poses.at(-1)?.t_ms ?? 0) - (this.#poses[0]?.t_ms ?? 0);
   }
 }
 
-/** A pose that was changed, which is the very pose if there is no change. */
+/** A pose with a change applied; the same object if there is no change. */
 export function changed(pose: ScenePose, { moved, turned }: PoseChange): ScenePose {
   if ([...moved, ...turned].every((value) => value === 0)) return pose;
   const [x, y, z] = rotate(pose.quaternion, moved);

@@ -9,7 +9,7 @@ import type { Predict } from "./pose-history";
 import { velocity } from "./velocity";
 
 interface Entry {
-  /** As a person reads it. */
+  /** Name on the page. */
   readonly title: string;
   readonly predict: Predict;
 }

@@ -1,11 +1,11 @@
-/** The view as the server renders it for the viewport, without loss; and how near pictures of it are. */
+/** The view rendered losslessly by the server for the viewport, and the similarity of pictures to it. */
 import { FetchTransport } from "#client/transport/fetch";
 import { hostUrl } from "#client/transport/host-report";
 import type { ServerConfig } from "#client/wire/render";
 import type { ScenePose } from "../view/camera";
 import type { Intrinsics, Viewport } from "../view/intrinsics";
 
-/** Of pictures that are equal. */
+/** Value for equal pictures. */
 export const BEST_PSNR = 100;
 
 /** Peak signal-to-noise ratio over red, green and blue of 8 bits, in dB: both are RGBA of as many pixels. */
@@ -44,12 +44,12 @@ export async function losslessView(
   }
 }
 
-/** The same, decoded. */
+/** The same view, decoded. */
 export async function groundTruth(place: Place, pose: ScenePose, signal: AbortSignal): Promise<ImageBitmap> {
   return createImageBitmap(await losslessView(place, pose, signal));
 }
 
-/** Of each picture in dB, at the truth's size; null is black. */
+/** PSNR of each picture in dB, at the truth's size; null counts as black. */
 export function psnrOf(pictures: readonly (ImageBitmap | null)[], truth: ImageBitmap): readonly number[] {
   const { width, height } = truth;
   const context = new OffscreenCanvas(width, height).getContext("2d", { willReadFrequently: true });

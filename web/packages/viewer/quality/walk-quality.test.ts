@@ -2,7 +2,7 @@ import { beforeEach, expect, test } from "vitest";
 import type { ScenePose } from "../view/camera";
 import { WalkQuality } from "./walk-quality";
 
-/** Pictures that are open. */
+/** Number of open pictures. */
 let open: number;
 let asked: number[];
 let refuse: (pose: number) => boolean;

@@ -10,13 +10,13 @@ const MOST = 6;
 /** Interval of the first moments in milliseconds; it grows in long walks. */
 const EVERY = 500;
 
-/** Closed when it has been scored. */
+/** A kept picture, closed once it has been scored. */
 export type Picture = ImageBitmap;
 
 export interface WalkQualityOptions {
-  /** The view from a pose, without loss. */
+  /** Gets the lossless view from a pose. */
   readonly truth: (pose: ScenePose, signal: AbortSignal) => Promise<Picture>;
-  /** How near each picture is to the truth, in dB; null is a picture of nothing, and so black. */
+  /** PSNR of each picture against the truth, in dB; null is an empty picture, which counts as black. */
   readonly compare: (pictures: readonly (Picture | null)[], truth: Picture) => readonly number[];
 }
 

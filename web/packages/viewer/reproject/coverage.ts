@@ -1,4 +1,4 @@
-/** How much of a view the newest frame does not show: an estimate, without looking at a pixel. */
+/** Estimates how much of a view the newest frame does not show, without reading pixels. */
 import { transfer, type View } from "./view";
 
 /** Tolerance of a share: a frame covers its own view. */
@@ -20,7 +20,7 @@ export function uncoveredShare(frame: View, view: View, inverseDepth: number): n
   ];
   const { width, height } = view;
   let seen = [corner(0, 0), corner(width, 0), corner(width, height), corner(0, height)];
-  // In the frame are 0 ≤ x/z ≤ width and 0 ≤ y/z ≤ height, before its camera.
+  // Inside the frame, 0 ≤ x/z ≤ width and 0 ≤ y/z ≤ height, in front of its camera.
   seen = clipped(seen, ([, , , , z]) => z);
   seen = clipped(seen, ([, , x]) => x);
   seen = clipped(seen, ([, , x, , z]) => frame.width * z - x);

@@ -27,7 +27,7 @@ export const FACES: readonly Matrix3[] = [
   [-1, 0, 0, 0, -1, 0, 0, 0, -1],
 ];
 
-/** The sides, by number, on which a view can leave a trace; at times one more. */
+/** The sides, by number, that a view can touch; sometimes one too many. */
 export function facesSeen(view: View): readonly number[] {
   const { width, height } = view;
   const toDirection = directionOfPixel(view);
@@ -62,7 +62,7 @@ function dot(a: Vector3, b: Vector3): number {
   return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-/** Pixels of a side. */
+/** Width of a side in pixels. */
 const SIZE = 512;
 /**
  * Share of the scene's distance: at this one, points abeam of the camera are displaced by a quarter of their distance
@@ -76,7 +76,7 @@ export class CubeCache {
   readonly #target: WebGLFramebuffer;
   readonly #keep: Program;
   readonly #fill: Program;
-  /** Where it was begun; null while it is empty. */
+  /** Position of its centre; null while it is empty. */
   #origin: Vector3 | null = null;
 
   /** Uses texture unit 0 for the frame and 2 for the cube. */
@@ -97,7 +97,7 @@ export class CubeCache {
     this.#target = gl.createFramebuffer();
   }
 
-  /** Puts the frame in texture unit 0 on it. */
+  /** Adds the frame in texture unit 0. */
   add(frame: View, distance: number): void {
     const gl = this.#gl;
     if (this.#origin && Math.hypot(...subtract(frame.position, this.#origin)) > FAR * distance) this.clear();
@@ -115,7 +115,7 @@ export class CubeCache {
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
   }
 
-  /** Draws it behind all that was drawn of a view. */
+  /** Draws it behind everything already drawn of a view. */
   draw(view: View): void {
     if (this.#origin === null) return;
     const gl = this.#gl;

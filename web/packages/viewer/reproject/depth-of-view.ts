@@ -1,4 +1,4 @@
-/** The depth of a picture from that of another one of the same place and direction, with another lens or other margins. */
+/** The depth of a picture from that of another with the same position and direction but a different lens or margins. */
 import type { DepthMap } from "#client/transport/transport";
 import type { Intrinsics, Viewport } from "../view/intrinsics";
 import { add, conjugate, rotate, type Vector3 } from "../view/vector";

@@ -8,7 +8,7 @@ interface TimerExtension {
   readonly GPU_DISJOINT_EXT: GLenum;
 }
 
-/** Times that count. */
+/** Number of measurements in the median. */
 const REMEMBERED = 15;
 /** Maximum number of pending queries; further draws are not timed. */
 const MOST_AWAITED = 4;

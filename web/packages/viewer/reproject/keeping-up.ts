@@ -4,12 +4,12 @@
  */
 import { median } from "../enhance/median";
 
-/** How many draws are judged, and how few suffice where they are far too slow. */
+/** Number of draws that are judged, and the number that suffices if they are far too slow. */
 const DRAWS = 30;
 const FEW = 3;
-/** As few where someone insists on turning: the first draws of a busy page are slow. */
+/** The same if the user insists on turning, as the first draws of a busy page are slow. */
 const FEW_FORCED = 10;
-/** Too many milliseconds between two draws: ten frames a second would be no better than unturned ones. */
+/** Too many milliseconds between two draws: ten frames per second would be no better than unturned ones. */
 const TOO_LONG = 100;
 const FAR_TOO_LONG = 250;
 /** No draw takes so long: the page waited for something else, such as its own start (ms). */
@@ -24,7 +24,7 @@ export class KeepingUp {
     this.#few = forced ? FEW_FORCED : FEW;
   }
 
-  /** A picture is drawn in an animation frame. Returns false once that takes too long. */
+  /** Records a draw in an animation frame. Returns false once draws take too long. */
   drawn(at: number): boolean {
     const interval = at - (this.#last ?? at);
     this.#last = at;
@@ -34,7 +34,7 @@ export class KeepingUp {
     return usual < (length < DRAWS ? FAR_TOO_LONG : TOO_LONG);
   }
 
-  /** An animation frame without a draw, or a page that was hidden. */
+  /** Records an animation frame without a draw, or a hidden page. */
   rested(): void {
     this.#last = undefined;
   }

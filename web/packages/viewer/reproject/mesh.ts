@@ -4,9 +4,9 @@ import { Program } from "./program";
 import { MESH_FRAGMENT, MESH_VERTEX } from "./shaders";
 import { apply, type Matrix3, product, scaling, transfer, type View } from "./view";
 
-/** The grid on a sphere, which is smooth. */
+/** Cells of the grid on a sphere, which is smooth. */
 const SPHERE = { width: 48, height: 27 };
-/** Pixels of the view: on smaller cells than this, a triangle costs more than it shows (0.1 dB at most, on recorded heads). */
+/** Smallest cells, in pixels of the view: with smaller ones, triangles cost more than they improve (0.1 dB at most, on recorded heads). */
 const CELL = 8;
 /** Geometry nearer than the frame's nearest depth by more than this factor is not drawn. */
 const APPROACH = 16;
@@ -34,7 +34,7 @@ export class Mesh {
     gl.activeTexture(gl.TEXTURE0);
   }
 
-  /** Of the frame that is drawn from now on; null: none is known. */
+  /** Sets the depth of the frame to draw; null if it is unknown. */
   bend(depth: DepthMap | null): void {
     this.#depth = depth;
     if (depth === null) return;

@@ -15,7 +15,7 @@ import type { View } from "./view";
 export const MAX_OVERSCAN = 0.25;
 /** Granularity of margins, so that few frames differ in size. */
 const STEP = 0.025;
-/** Milliseconds of movement that are remembered. */
+/** Milliseconds of movement that are kept. */
 const SPAN = 2000;
 const RANK = 0.7;
 const SLOWEST = 0.25;
@@ -26,7 +26,7 @@ const LEAST_SPEED = 10;
 const ALPHA = 0.4;
 /** Tolerance in degrees when orientations are compared. */
 const ROUNDING = 1e-6;
-/** A camera without movement for this many milliseconds rests; a longer gap between samples is no movement either. */
+/** A camera without movement for this many milliseconds rests; longer gaps between samples are ignored. */
 const REST = 200;
 /** A view that turns further from one sample to the next is a cut, in degrees. */
 const CUT = 30;
@@ -37,22 +37,22 @@ const KEPT_FOR = 100;
 interface Sample {
   readonly needed: number;
   readonly speed: number;
-  /** Milliseconds since the one before. */
+  /** Milliseconds since the previous sample. */
   readonly elapsed: number;
 }
 
 export class AutoOverscan {
   readonly #distance: number;
-  /** While the camera moved; the newest last. */
+  /** Samples while the camera moved, newest last. */
   #samples: Sample[] = [];
-  /** That they last together, in milliseconds. */
+  /** Their total duration, in milliseconds. */
   #span = 0;
   #last: { readonly view: View; readonly at: number } | undefined;
   #speed = 0;
   #movedAt = Number.NEGATIVE_INFINITY;
   #usual = { at: Number.NEGATIVE_INFINITY, needed: 0, speed: 0 };
 
-  /** `distance`: how far away most of the scene is, in its units. */
+  /** `distance` is how far away most of the scene is, in its units. */
   constructor(distance = Number.POSITIVE_INFINITY) {
     this.#distance = distance;
   }
@@ -71,7 +71,7 @@ export class AutoOverscan {
     if (now - this.#movedAt <= REST) this.#remember({ needed, speed: this.#speed, elapsed });
   }
 
-  /** The share of the viewport's width and height to ask for at each side, 0 to MAX_OVERSCAN. */
+  /** The share of the viewport's width and height to request at each side, 0 to MAX_OVERSCAN. */
   at(now: number): number {
     if (now - this.#movedAt > REST) return 0;
     if (now - this.#usual.at >= KEPT_FOR) {
@@ -83,7 +83,7 @@ export class AutoOverscan {
     return Math.min(MAX_OVERSCAN, STEP * Math.max(0, Math.ceil(exact / STEP - 1e-6)));
   }
 
-  /** How far things seem to turn because the camera changed its place, in degrees. */
+  /** How far things appear to turn because the camera moved, in degrees. */
   #parallax(from: View, to: View): number {
     return DEGREES * Math.atan(Math.hypot(...subtract(to.position, from.position)) / this.#distance);
   }

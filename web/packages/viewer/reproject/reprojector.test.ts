@@ -52,7 +52,7 @@ function frame(name: string, at: NumberedPose, margin = 0): Content<string> {
 
 const canvas = () => pane.querySelector<HTMLCanvasElement>("canvas.reprojected");
 
-/** A frame comes and is drawn for its own pose. */
+/** Takes a frame and draws it for its own pose. */
 function show(name: string): void {
   reprojector.take(PICTURE, frame(name, pose(1)));
   reprojector.turn(pose(1), LENS);
@@ -157,7 +157,7 @@ test("when the graphics processor is lost, the element below is visible, with th
   expect(canvas()).not.toBeNull();
 });
 
-/** A reprojector in such a browser, switched on, over a video. */
+/** A reprojector in this kind of browser, switched on, over a video. */
 function plainly(browser: Partial<ConstructorParameters<typeof Reprojector>[0]>): Reprojector<string> {
   const plain = new Reprojector<string>({
     below: document.createElement("video"),

@@ -36,7 +36,7 @@ export function reprojectionNote(...sides: readonly ReprojectionStatus[]): strin
 export interface Content<Frame> {
   /** Properties reported when it is on screen. */
   readonly frame: Frame;
-  /** Number of the pose of its request. */
+  /** Number of the pose for which it was requested. */
   readonly pose: number;
   /** The requested view, without margins. */
   readonly asked: ScenePose & Lens;
@@ -51,11 +51,11 @@ export interface Turned<Frame> {
   readonly pose: number;
   /** The number of the pose that it was turned to. */
   readonly view: number;
-  /** The share of the picture that the newest frame does not cover, as an estimate. */
+  /** Estimated share of the picture that the newest frame does not cover. */
   readonly filled: number;
-  /** How long taking and turning it kept the main thread, in milliseconds. */
+  /** Main thread's time to take and turn it, in milliseconds. */
   readonly warpMs: number;
-  /** The frame was not on the screen before. */
+  /** Whether the frame is on the screen for the first time. */
   readonly fresh: boolean;
 }
 
@@ -67,7 +67,7 @@ export type Warper = Pick<Warp, "working" | "gpuMs" | "take" | "surround" | "dra
 export interface ReprojectorOptions {
   readonly below: HTMLElement;
   readonly size: () => Size;
-  /** The browser gives the pictures away; it always does, unless they are a video's. */
+  /** Whether the browser lets the pictures be read; always, unless they are a video's. */
   readonly readable?: boolean;
   readonly create?: (canvas: HTMLCanvasElement, options: WarpOptions) => Warper;
 }
@@ -80,7 +80,7 @@ interface Drawn extends Size {
 /** Maximum pixels of a warped picture, and maximum pixels per picture pixel in a row: the browser scales it up. */
 const MOST_PIXELS = 4_194_304;
 const MOST_ENLARGED = 2;
-/** How far back the main thread's time is looked at, in milliseconds. */
+/** Window of the main thread's time, in milliseconds. */
 const SPAN = 5000;
 
 export class Reprojector<Frame> {
@@ -91,16 +91,16 @@ export class Reprojector<Frame> {
   #warp: Warper | undefined;
   #distance = Number.POSITIVE_INFINITY;
   #content: Content<Frame> | undefined;
-  /** The content has changed since the last draw. */
+  /** Whether the content has changed since the last draw. */
   #changed = false;
-  /** Its frame has not been reported. */
+  /** Whether its frame has not been reported yet. */
   #fresh = false;
   #sampled: NumberedPose | undefined;
-  /** Since a cut: the first pose after it, until a picture of it comes. */
+  /** After a cut: the first pose, until its picture arrives. */
   #cut: number | undefined;
   /** The first pose after the last cut. */
   #begun = 0;
-  /** The sides of the surround that there are, by number. */
+  /** The available sides of the surround, by number. */
   #surround = new Map<number, View>();
   /** The share of the last drawn view not covered by the newest frame. */
   #filled = 0;
@@ -140,7 +140,7 @@ export class Reprojector<Frame> {
     return this.#surround;
   }
 
-  /** Turn pictures from the next one on; `distance`: how far away most of the scene is, in its units. */
+  /** Turns pictures from the next one on; `distance` is how far away most of the scene is, in its units. */
   on(distance: number): void {
     this.off();
     if (!this.#options.readable) {
@@ -247,7 +247,7 @@ export class Reprojector<Frame> {
     this.#overlay?.show();
   }
 
-  /** The page was hidden: late draws say nothing about this machine. */
+  /** Resumes after the page was hidden: late draws say nothing about this machine. */
   resumed(): void {
     this.#pace.rested();
     this.#untold = undefined;

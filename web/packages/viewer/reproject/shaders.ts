@@ -11,7 +11,7 @@ void main() {
   gl_Position = vec4(4.0 * float(gl_VertexID & 1) - 1.0, 4.0 * float(gl_VertexID >> 1) - 1.0, 1.0, 1.0);
 }`;
 
-/** The frame's own pixels: \`u_corner\` is the one at the target's top left. */
+/** The frame's own pixels; \`u_corner\` is the pixel at the target's top left. */
 export const COPY = `${HEAD}
 uniform sampler2D u_frame;
 uniform ivec2 u_corner;
@@ -114,7 +114,7 @@ void main() {
   color = vec4(seen.rgb / seen.a, 1.0);
 }`;
 
-/** A side of the surround, on a sphere of radius 1 around the place where it was taken. */
+/** A side of the surround, on a sphere of radius 1 around the position from which it was rendered. */
 export const SIDE = `${HEAD}
 uniform sampler2D u_side;
 uniform mat3 u_direction; // from the target's (x, y, 1) in pixels

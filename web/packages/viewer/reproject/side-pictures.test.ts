@@ -33,7 +33,7 @@ test("no two sides are seen through the same lens, so that the server drops neit
   expect(new Set(lenses).size).toBe(SIDES.length);
 });
 
-/** A rotation that looks along a direction of length 1. */
+/** The rotation of a camera that looks along a direction of length 1. */
 function towards([x, y, z]: Vector3): [number, number, number, number] {
   const length = Math.hypot(y, x, 1 + z) || 1;
   return z < -0.999999 ? [1, 0, 0, 0] : [-y / length, x / length, 0, (1 + z) / length];

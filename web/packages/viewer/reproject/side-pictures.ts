@@ -18,7 +18,7 @@ const DIRECTIONS = [
   [0, -90],
 ] as const;
 export const SIDES: readonly number[] = [...DIRECTIONS.keys()];
-/** Half of the field of view in degrees: more than 45, so that no gaps open between sides that were taken from different places. */
+/** Half of the field of view in degrees: more than 45, so that no gaps open between sides rendered from different positions. */
 const HALF = 49;
 /**
  * Size of the first side in pixels; each next one is a pixel larger, so that no two have the same lens: the server
@@ -26,7 +26,7 @@ const HALF = 49;
  */
 const SIZE = 256;
 
-/** A side as a view to ask for; `up`: of the scene. */
+/** A side as a view to request; `up` is the scene's. */
 export function sideView(side: number, position: Vector3, up: Vector3): View {
   const [azimuth, elevation] = DIRECTIONS[side] ?? DIRECTIONS[0];
   const quaternion = multiply(levelFor(up), orientation(azimuth, elevation));
@@ -56,7 +56,7 @@ export class SidePictures {
     this.#program.integer("u_side", 3);
   }
 
-  /** The picture is copied, and takes the place of one of the same direction. */
+  /** Takes a picture, which is copied and replaces one of the same direction. */
   take(source: TexImageSource, view: View): void {
     const gl = this.#gl;
     const before = this.#sides.find((side) => sameDirection(side.view, view));
@@ -71,7 +71,7 @@ export class SidePictures {
     this.#sides = [...this.#sides.filter((side) => side !== before), { texture, view }];
   }
 
-  /** Draws them behind all that was drawn of a view; where two of them show the same, the one from nearer. */
+  /** Draws them behind everything already drawn of a view; where two overlap, the one from a nearer position. */
   draw(view: View, distance: number): void {
     const gl = this.#gl;
     const program = this.#program;
@@ -97,7 +97,7 @@ export class SidePictures {
   }
 }
 
-/** In radii of the sphere. */
+/** The offset in radii of the sphere. */
 function offset(to: Vector3, from: Vector3, radius: number): Vector3 {
   const [x, y, z] = subtract(to, from);
   return [x / radius, y / radius, z / radius];

@@ -47,7 +47,7 @@ test("where all is infinitely far, a step changes nothing", () => {
 const ODD: Quaternion = [0.03, 0.15, 0.05, Math.sqrt(1 - 0.0259)];
 const INVERSE_DEPTHS = [0, 0.01, 0.5, 2];
 
-/** The slow way: to the point in the scene, and from there to the other view's picture. */
+/** Slow reference: to the point in the scene, and from there to the other view's picture. */
 function seenBy(from: View, to: View, u: number, v: number, depth: number): [number, number] {
   const inFrom: Vector3 = [((u - from.cx) / from.fx) * depth, ((v - from.cy) / from.fy) * depth, depth];
   const point = add(rotate(from.quaternion, inFrom), from.position);

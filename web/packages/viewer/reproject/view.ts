@@ -1,4 +1,4 @@
-/** A pinhole camera at a place: the view that a picture shows. Axes are OpenCV's: x right, y down, z forward. */
+/** A pinhole camera at a position: the view that a picture shows. Axes are OpenCV's: x right, y down, z forward. */
 import type { Intrinsics, Viewport } from "../view/intrinsics";
 import { type Quaternion, subtract, type Vector3 } from "../view/vector";
 
@@ -20,7 +20,7 @@ export function transposed([a, b, c, d, e, f, g, h, i]: Matrix3): Matrix3 {
   return [a, d, g, b, e, h, c, f, i];
 }
 
-/** Of a quaternion of length 1. */
+/** The rotation of a quaternion of length 1. */
 function rotationMatrix([x, y, z, w]: Quaternion): Matrix3 {
   return [
     ...([1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)] as const),
@@ -75,7 +75,7 @@ export function pixelOfDirection({ fx, fy, cx, cy, quaternion }: View): Matrix3 
   return product(scaling(fx, fy, cx, cy), transposed(rotationMatrix(quaternion)));
 }
 
-/** In pixels; smaller displacements are ignored. */
+/** Smaller displacements are ignored, in pixels. */
 const TOLERANCE = 0.02;
 
 export interface Crop {
@@ -84,7 +84,7 @@ export interface Crop {
   readonly y: number;
 }
 
-/** Which pixels of a frame are a view's, one for one; null if it must be warped. `nearest`: the largest inverse depth in the frame. */
+/** The frame's pixels that match a view one for one; null if it must be warped. `nearest` is the frame's largest inverse depth. */
 export function cropFor(frame: View, view: View, nearest: number): Crop | null {
   const { width, height } = view;
   const toFrame = transfer(view, frame);
@@ -102,7 +102,7 @@ export function cropFor(frame: View, view: View, nearest: number): Crop | null {
   return corners.every(stays) ? { x, y } : null;
 }
 
-/** The intrinsics are in pixels of a picture of this very size, margins included. */
+/** A view; the intrinsics are in pixels of a picture of this size, margins included. */
 export interface View extends Intrinsics, Viewport {
   /** Camera to world, in the scene's own frame. */
   readonly position: Vector3;

@@ -1,5 +1,5 @@
 /**
- * Late reprojection: shows the newest frame as seen from the present camera, on a WebGL2 canvas. If the view is that of
+ * Late reprojection: shows the newest frame as seen from the current camera, on a WebGL2 canvas. If the view is that of
  * the frame, its pixels are shown unchanged; where the frame has no pixels, earlier views are used, or else the
  * surround; elsewhere the canvas is transparent.
  */
@@ -17,11 +17,11 @@ import { cropFor, resized, type View } from "./view";
 export interface WarpOptions {
   /** Assumed distance of pixels without depth in scene units; Infinity rotates the frame only. */
   readonly distance: number;
-  /** Only with graphics acceleration: drawn in software, the page freezes. */
+  /** Requires graphics acceleration, since drawing in software freezes the page. */
   readonly accelerated?: boolean;
-  /** Nothing can be drawn any more, and no frame is kept. */
+  /** Called when nothing can be drawn any more; the frame is lost. */
   readonly onLost?: () => void;
-  /** It works again, and waits for a frame. */
+  /** Called when it works again and waits for a frame. */
   readonly onRestored?: () => void;
 }
 
@@ -34,7 +34,7 @@ interface Resources {
   readonly timer: GpuTimer;
 }
 
-/** Milliseconds: half of a frame interval at 60 Hz. */
+/** Too slow, in milliseconds: half of a frame interval at 60 Hz. */
 const SLOW = 8;
 /** Opaque pictures have alpha as well; unseen directions are transparent. */
 const CONTEXT: WebGLContextAttributes = { alpha: true, premultipliedAlpha: true, antialias: false, depth: true };
@@ -44,14 +44,14 @@ export class Warp {
   readonly #options: WarpOptions;
   readonly #gl: WebGL2RenderingContext | null;
   #resources: Resources | null = null;
-  /** Content of the texture; null: no frame. */
+  /** Content of the texture; null without a frame. */
   #frame: View | null = null;
-  /** Not in the cache yet. */
+  /** Whether the frame is not in the cache yet. */
   #fresh = false;
-  /** The graphics processor is too slow for the sharpest picture. */
+  /** Whether the graphics processor is too slow for the sharpest picture. */
   #slow = false;
 
-  /** The canvas is its own from now on. Never throws: see `working`. */
+  /** Takes over the canvas. Never throws: see `working`. */
   constructor(canvas: HTMLCanvasElement, options: WarpOptions) {
     this.#canvas = canvas;
     this.#options = options;
@@ -91,7 +91,7 @@ export class Warp {
     this.#resources?.sides.take(source, view);
   }
 
-  /** Shows a view as large as the canvas is; transparent before the first frame. */
+  /** Shows a view of the canvas's size; transparent before the first frame. */
   draw(view: View): void {
     const { width, height } = this.#canvas;
     if (this.#gl === null || this.#resources === null || width === 0 || height === 0) return;
@@ -108,7 +108,7 @@ export class Warp {
     this.#resources?.sides.clear();
   }
 
-  /** The canvas is of no use afterwards. */
+  /** Frees everything; the canvas cannot be used afterwards. */
   dispose(): void {
     this.#canvas.removeEventListener("webglcontextlost", this.#lost);
     this.#canvas.removeEventListener("webglcontextrestored", this.#restored);
@@ -159,7 +159,7 @@ export class Warp {
   }
 
   readonly #lost = (event: Event) => {
-    event.preventDefault(); // or it would never be restored
+    event.preventDefault(); // otherwise it would never be restored
     this.#resources = null;
     this.#frame = null;
     this.#options.onLost?.();

@@ -10,9 +10,9 @@ import type { Presence } from "../view/presence";
 import type { Rig } from "../view/rig";
 import type { Side } from "./side";
 
-/** How near to ground truth the last walk was. */
+/** Quality of the last walk against ground truth. */
 export interface SeenQuality {
-  /** Means of each side, from left to right, in dB; empty while unknown. */
+  /** Mean PSNR of each side, from left to right, in dB; empty while unknown. */
   readonly psnr: readonly number[];
   /** Number of pictures in the means. */
   readonly moments: number;
@@ -32,11 +32,11 @@ export class Comparison {
   readonly sides: readonly ComparedSide[];
   readonly history: ComparisonHistory;
   readonly walks = new WalkRecorder();
-  /** Of the last walk. */
+  /** Quality of the last walk. */
   readonly quality = signal(UNSCORED);
   readonly #rig: Rig;
   readonly #seen: WalkQuality;
-  /** The walk that was scored last, or is. */
+  /** The walk that was scored last, or is being scored. */
   #scored: unknown = null;
   #scoring = new AbortController();
   readonly #stops: readonly (() => void)[];

@@ -97,7 +97,7 @@ async function visit(): Promise<void> {
   await settle();
 }
 
-/** Of a cluster, at a host. */
+/** Configuration of a cluster, at a host. */
 const atHost = (host: string) => ({ ...serverConfig(SERVICES), host });
 
 const drawn = (count: number, options?: { answer: boolean }) => host.frames(count, options);
@@ -113,7 +113,7 @@ test("connects, loads the scene, and shows it from its start camera", async () =
   session.onPresented(({ side, at }) => side === "stateless" && shown.push(at));
   await drawn(5);
   expect(transports[0]?.requests[0]?.request).toMatchObject({ scene: "courtyard", position: [0, -2, -8] });
-  expect(shown).toEqual([60]); // asked for at 20 ms, drawn at 40 ms
+  expect(shown).toEqual([60]); // requested at 20 ms, drawn at 40 ms
   expect(session.receivedBytes).toBe(1000);
 });
 
@@ -431,7 +431,7 @@ test("where the browser gives a video's pictures away to nobody, a word says so,
   expect(streams.at(-1)?.options.overscan).toBeNull();
 });
 
-/** A person turns to another tab, or back. */
+/** The user switches to another tab, or back. */
 async function hide(hidden: boolean, after = 0): Promise<void> {
   Object.defineProperty(document, "hidden", { value: hidden, configurable: true });
   document.dispatchEvent(new Event("visibilitychange"));

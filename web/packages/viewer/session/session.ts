@@ -30,7 +30,7 @@ import { add, rotate } from "../view/vector";
 import type { Comparison } from "./comparison";
 import { Side } from "./side";
 
-/** How the visit stands; `failed` waits for the person. */
+/** State of the visit; `failed` waits for the user. */
 export type Phase =
   | { readonly kind: "connecting" }
   | { readonly kind: "loading"; readonly progress?: number }
@@ -42,7 +42,7 @@ export type Phase =
 /** Interval of requests for the loading progress of a scene, in milliseconds. */
 const PROGRESS_EVERY = 500;
 
-/** The type of a refusal that will not last: the service is starting, or no host of a cluster is up. */
+/** The type of a temporary refusal: the service is starting, or no host of a cluster is up. */
 const OVERLOADED = "tigas:overloaded";
 
 /** Longest pause before an interrupted request for the scene is repeated, in milliseconds. */
@@ -54,7 +54,7 @@ export interface Stage {
   readonly left: HTMLElement;
   /** Empty unless two modes are compared. */
   readonly right: HTMLElement;
-  /** There is other content around it: keys, gamepads and the wheel move the camera only while it has the focus. */
+  /** Whether there is other content around it: keys, gamepads and the wheel then move the camera only while it has the focus. */
   readonly sharesPage?: boolean;
 }
 
@@ -64,29 +64,29 @@ export class ViewerSession {
   readonly presence = new Presence();
   readonly scene = signal<SceneInfo | null>(null);
   readonly connected = signal<Connected | null>(null);
-  /** Connected, but the server does not answer. */
+  /** Whether the server does not answer although it is connected. */
   readonly silent = signal(false);
   readonly rig: Rig;
   readonly movement: MovementDeck;
-  /** All there is, unless two modes are compared. */
+  /** The only side, unless two modes are compared. */
   readonly left: Side;
   /** Null unless two modes are compared. */
   readonly right = signal<Side | null>(null);
-  /** How the right side's own connection stands, where it has one. */
+  /** State of the right side's own connection, if it has one. */
   readonly rightConnection = signal<ConnectionState | null>(null);
-  /** Set for a stream and for a comparison of two modes; else null. */
+  /** Set for streams and comparisons; otherwise null. */
   readonly comparison = signal<Comparison | null>(null);
   /** The sources on the stage, from left to right. */
   readonly sources: ReadonlySignal<readonly Source[]> = computed(() =>
     [this.left, this.right.value].flatMap((side) => side?.source.value ?? []),
   );
-  /** Notice to the user if the pictures of a side should be warped and are not; else null. */
+  /** Notice to the user if the pictures of a side should be warped but are not; otherwise null. */
   readonly unturned = computed(() => this.left.unturned.value ?? this.right.value?.unturned.value ?? null);
   readonly input: StageInput;
   readonly stage: Stage;
-  /** Pixels of the screen along one of the viewport's. */
+  /** Screen pixels per viewport pixel. */
   readonly pixelRatio = signal(devicePixelRatio);
-  /** Of the controllers' random numbers. */
+  /** Seed of the controllers' random numbers. */
   readonly seed = signal(1);
   readonly #sceneId: string;
   readonly #presented = new Listeners<[PresentedFrame]>();
@@ -97,13 +97,13 @@ export class ViewerSession {
   readonly onPresented = this.#presented.add;
   /** Like `onPresented`, for frames requested one by one, before any warp. */
   readonly onShown = this.#shown.add;
-  /** As `onPresented`, of every request for a frame. */
+  /** Like `onPresented`, for every request for a frame. */
   readonly onSent = this.#sent.add;
   /** Like `onPresented`, for every received frame. */
   readonly onReplied = this.#replied.add;
   readonly #frames = new FrameWorker();
   #loading: Promise<SceneInfo> | undefined;
-  /** Where it is loaded, in a cluster. */
+  /** The host on which the scene is loaded, in a cluster. */
   #host: string | null = null;
   #animation = 0;
   /** Bytes of sides that were closed. */
@@ -138,7 +138,7 @@ export class ViewerSession {
     this.#animation = requestAnimationFrame(this.#tick);
   }
 
-  /** The left side's, which experiments measure. */
+  /** The left side's source, which experiments measure. */
   get source(): ReadonlySignal<Source | null> {
     return this.left.source;
   }
@@ -147,7 +147,7 @@ export class ViewerSession {
     return this.#receivedBefore + this.#sides.reduce((sum, { receivedBytes }) => sum + receivedBytes, 0);
   }
 
-  /** After a failure: connect and load again. */
+  /** Connects and loads again after a failure. */
   retry(): void {
     this.#loading = undefined; // its file may have been replaced
     this.#attempt.value++;
@@ -207,7 +207,7 @@ export class ViewerSession {
     this.rig.focus((content && pointAt(content.view, content.depth, direction)) ?? usual, smooth);
   }
 
-  /** The loop: one sample of the input per animation frame, shared by all modes. */
+  /** The loop: samples the input once per animation frame, for all modes. */
   readonly #tick = (): void => {
     this.#animation = requestAnimationFrame(this.#tick);
     if (!this.presence.visible.peek()) return;
@@ -239,7 +239,7 @@ export class ViewerSession {
     });
   }
 
-  /** The right side of a comparison of two modes. */
+  /** Opens and closes the right side of a comparison. */
   #compare(): void {
     const compared = computed(() => this.state.settings.value.mode === COMPARED);
     const stop = effect(() => {
@@ -337,7 +337,7 @@ export class ViewerSession {
     });
   }
 
-  /** The refused rung may no longer exist: the scene's ladder can change after it was entered. */
+  /** Reloads the ladder after a refusal: the rung may no longer exist, as the scene's ladder can change after it was entered. */
   #followLadder(): void {
     const refused = computed(() => {
       const phase = this.source.value?.phase.value;
@@ -357,7 +357,7 @@ export class ViewerSession {
     });
   }
 
-  /** Connects, and connects anew whenever another transport is chosen. */
+  /** Connects, and reconnects whenever another transport is chosen. */
   #connect(): void {
     const choice = computed(() => (this.presence.left.value ? null : this.state.settings.value.transport));
     const stop = this.#keepConnected(
@@ -372,7 +372,7 @@ export class ViewerSession {
         connect: async (server, signal) => {
           const loading = this.#loadAt(server.host ?? null, visit);
           loading.catch(() => undefined); // #play reports a failure
-          // The present picture continues until another host is ready; otherwise both steps run concurrently.
+          // The current picture stays until another host is ready; otherwise both steps run concurrently.
           if (this.connected.peek() !== null) await loading.catch(() => undefined);
           return connect(server, chosen, signal, now, this.#frames);
         },
@@ -382,7 +382,7 @@ export class ViewerSession {
         },
       }),
       () => {
-        this.#loading = undefined; // the server may give it up, or another file of the name may take its place
+        this.#loading = undefined; // the server may unload it, or another file may take its name
       },
     );
     const online = computed(() => !this.presence.offline.value);
@@ -399,14 +399,14 @@ export class ViewerSession {
   #heard(state: ConnectionState, signal: AbortSignal): void {
     this.connected.value = state.status === "connected" ? state : null;
     if (state.status !== "connected") this.left.attach(null);
-    if (state.status === "lost") this.#loading = undefined; // started again, the server may have another ladder for it
+    if (state.status === "lost") this.#loading = undefined; // a restarted server may have another ladder for it
     if (state.status === "connecting") this.phase.value = { kind: "connecting" };
     else if (state.status === "lost") this.phase.value = { kind: "lost", message: state.reason };
     else if (state.status === "full") this.phase.value = { kind: "full" };
     else void this.#play(state, signal);
   }
 
-  /** The scene was deleted or renamed: a resting camera sends no requests and would never notice. */
+  /** Fails because the scene was deleted or renamed: a resting camera sends no requests and would never notice. */
   #gone(): void {
     const scene = this.scene.peek();
     if (scene === null || !["loading", "playing"].includes(this.phase.peek().kind)) return;
@@ -415,7 +415,7 @@ export class ViewerSession {
     this.phase.value = { kind: "failed", message: `${scene.name} was deleted or renamed on the server.` };
   }
 
-  /** Asks for the scene at another host than before, or as `#load`. */
+  /** Requests the scene from a new host, or else like `#load`. */
   #loadAt(host: string | null, signal: AbortSignal): Promise<SceneInfo> {
     if (host !== this.#host) this.#loading = undefined;
     this.#host = host;
@@ -441,7 +441,7 @@ export class ViewerSession {
     if (scene.state === "loading" && this.#loadsOver(connected)) this.#show(scene, connected);
   }
 
-  /** Says how far loading is, as long as it takes. */
+  /** Reports the progress of loading until it ends. */
   async #followLoading(connected: Connected, signal: AbortSignal): Promise<void> {
     for (;;) {
       await sleep(PROGRESS_EVERY, signal);
@@ -464,8 +464,8 @@ export class ViewerSession {
     // The picture of another host continues if this one has the scene.
     if (this.phase.peek().kind !== "playing" || this.#loading === undefined) {
       this.phase.value = { kind: "loading" };
-      // A scene that was loaded stays: modes that draw it in the browser would load it again.
-      if (this.scene.peek()?.state !== "loaded") this.#showCoarse(connected, signal).catch(() => undefined); // `#load` says why
+      // A loaded scene stays, since modes that draw it in the browser would load it again.
+      if (this.scene.peek()?.state !== "loaded") this.#showCoarse(connected, signal).catch(() => undefined); // `#load` reports why
       this.#followLoading(connected, signal).catch(() => undefined); // it has ended
     }
     let loaded: SceneInfo;

@@ -8,20 +8,20 @@ import type { Source, SourceContext, SourceKind, SourceStats } from "../sources/
 import type { PresentedFrame } from "../view/presented";
 
 export interface SideOptions extends Omit<SourceContext, "connection" | "size" | "onPresented" | "onReceived"> {
-  /** Nobody has seen the page for some time. */
+  /** Whether the page has been hidden for some time. */
   readonly left: ReadonlySignal<boolean>;
 }
 
 export class Side {
   readonly settings: SourceContext["settings"];
-  /** Of its mode. */
+  /** Kind of its mode. */
   readonly kind: ReadonlySignal<SourceKind>;
-  /** Of the mode; null until the scene is there, and where the mode is not available. */
+  /** Source of the mode; null until the scene is known, and if the mode is not available. */
   readonly source = signal<Source | null>(null);
   /** Why the mode is not available; null if it is. */
   readonly missing: ReadonlySignal<string | null>;
   readonly unturned = computed(() => reprojectionNote(this.source.value?.reprojection.value ?? "off"));
-  /** The mode with code that could not be loaded. */
+  /** The mode, if its code could not be loaded. */
   readonly #unloaded = signal<SourceKind | null>(null);
   readonly #connection = signal<Connected | null>(null);
   readonly #presented = new Listeners<[PresentedFrame]>();
@@ -54,7 +54,7 @@ export class Side {
     const available = computed(
       () =>
         scene.value !== null &&
-        (this.kind.value.requests || scene.value.state !== "loading") && // others have no coarse pictures
+        (this.kind.value.requests || scene.value.state !== "loading") && // other modes have no coarse pictures
         rig.viewport.value.width > 1 && // the stage has been laid out
         this.missing.value === null &&
         (this.kind.value.keepsHidden || !options.left.value),
@@ -95,7 +95,7 @@ export class Side {
     return this.source.value?.stats.value ?? null;
   }
 
-  /** Ask for views over this from now on; null while there is no connection. */
+  /** Requests views over this connection from now on; null while there is none. */
   attach(connected: Connected | null): void {
     this.#connection.value = connected;
   }

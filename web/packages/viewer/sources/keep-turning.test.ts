@@ -12,6 +12,6 @@ test("coarse pictures of a scene that loads are turned no more once it is loaded
   scene.value = { ...COURTYARD, state: "loading", name: "Another name" };
   expect(reprojector.on).toHaveBeenCalledTimes(1);
   scene.value = { ...COURTYARD, state: "loaded" };
-  expect(reprojector.on).toHaveBeenCalledTimes(2); // which begins anew
+  expect(reprojector.on).toHaveBeenCalledTimes(2); // which restarts
   stop();
 });

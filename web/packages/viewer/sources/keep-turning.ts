@@ -5,7 +5,7 @@ import type { Reprojector } from "../reproject/reprojector";
 import { viewDistance } from "../view/camera";
 import type { SourceContext } from "./source";
 
-/** Until the function that this returns is called. */
+/** Returns a function that stops it. */
 export function keepTurning(
   reprojector: Pick<Reprojector<unknown>, "on" | "off">,
   settings: SourceContext["settings"],
@@ -18,7 +18,7 @@ export function keepTurning(
   const forced = computed(() => turning.value === "forced");
   return effect(() => {
     const { value } = distance;
-    void forced.value; // it begins anew once someone asks for it
+    void forced.value; // starts again once it is requested
     void loading.value; // earlier pictures are coarse
     untracked(() => (value === null ? reprojector.off() : reprojector.on(value)));
   });

@@ -1,6 +1,6 @@
 /**
- * Modes with one request per pose: `stateless`, each answer an independent picture, and `video` (`video.ts`), each
- * answer the next frame of a video.
+ * Modes with one request per pose: `stateless`, where each answer is an independent picture, and `video` (`video.ts`),
+ * where each is the next frame of a video.
  */
 import { computed, effect, type ReadonlySignal, untracked } from "@preact/signals";
 import { Display } from "../enhance/display";
@@ -44,7 +44,7 @@ export class Pictures implements Source {
   readonly #cleanups: readonly (() => void)[];
   #decodesWebp = false;
 
-  /** `video`: null if each answer is an independent picture. */
+  /** `video` is null if each answer is an independent picture. */
   constructor(context: SourceContext, video: VideoFrames | null) {
     const { pane, rig, settings, scene, config, ladder, connection, seed, pixelRatio, size } = context;
     const canvas = document.createElement("canvas");
@@ -119,7 +119,7 @@ export class Pictures implements Source {
     for (const cleanup of this.#cleanups) cleanup();
   }
 
-  /** By the models of the settings, and by others whenever those, the scene or its ladder change. */
+  /** Enhances pictures with the models of the settings, and with others when those, the scene or its ladder change. */
   #enhance({ settings, scene, ladder, config }: SourceContext): () => void {
     const wanted = computed(() => {
       const { restore, upscale } = settings.value;
@@ -128,7 +128,7 @@ export class Pictures implements Source {
       const { id, enhance } = scene.value;
       const { host, render_url } = config.value ?? {};
       const place = { scene: { id, enhance }, ladder: ladder.value, host: { host, render_url } };
-      // As text, so that only a change of its content is one; the configuration is read again and again.
+      // As text, so that only changed content counts as a change; the configuration is read repeatedly.
       return JSON.stringify({ names: { restore, upscale }, place });
     });
     return effect(() => {

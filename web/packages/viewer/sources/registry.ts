@@ -26,7 +26,7 @@ export const VARIANTS = Object.entries(SOURCES).flatMap(([mode, { title, variant
   })),
 );
 
-/** The choice of this name. Throws without one. */
+/** The choice with this name. Throws if there is none. */
 export function variantOf(name: SideMode): Variant & { readonly settings: { readonly mode: SourceName } } {
   const variant = VARIANTS.find((one) => one.name === name);
   if (variant === undefined) throw new Error(`there is no mode ${name}`);

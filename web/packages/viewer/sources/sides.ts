@@ -8,7 +8,7 @@ import type { SourceKind } from "./source";
 /** Views per second that must fit into a bit rate shared by both sides. */
 const VIEWS_PER_S = 20;
 
-/** The settings of one picture; only the mode `side-by-side` has a right one. `ladder`: the one that locks index. */
+/** The settings of one picture; only the mode `side-by-side` has a right one. `ladder` is the one that locks index. */
 export function settingsAt(place: Place, settings: Settings, ladder: readonly Rung[] = []): SideSettings {
   const { mode } = settings;
   if (mode !== COMPARED) return { ...settings, mode };
@@ -46,7 +46,7 @@ export function applies(name: keyof Settings, settings: Settings): boolean {
   return kindsShown(settings).some((kind) => kind.settings.includes(name));
 }
 
-/** Whether delivery begins anew on some side when settings change. */
+/** Whether delivery restarts on any side when settings change. */
 export function reopens(before: Settings, after: Settings): boolean {
   const [old, now] = [settingsShown(before), settingsShown(after)];
   return (

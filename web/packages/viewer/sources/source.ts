@@ -29,9 +29,9 @@ export interface Source {
   readonly content: Pick<Content<unknown>, "view" | "depth"> | null;
   /** A copy of the screen; null before the first picture. */
   picture(): Promise<ImageBitmap> | null;
-  /** Called at the start of each animation frame: the last frame is on screen by now. */
+  /** Called at the start of each animation frame: the last frame is on the screen by now. */
   presented(now: number): void;
-  /** The page was hidden for the last `gap` milliseconds; before anything else of this animation frame. */
+  /** Called first in an animation frame after the page was hidden for `gap` milliseconds. */
   resumed(gap: number): void;
   /** Called once per animation frame, after the rig was sampled; `moved` is the rig's result. */
   tick(now: number, moved: boolean): void;
@@ -42,7 +42,7 @@ export interface Source {
   dispose(): void;
 }
 
-/** What there is to show, and where. */
+/** What to show, and where. */
 export interface SourceContext extends Visit {
   /** The source adds its elements to this. */
   readonly pane: HTMLElement;
@@ -53,15 +53,15 @@ export interface SourceContext extends Visit {
   readonly ladder: ReadonlySignal<readonly Rung[]>;
   /** Null while there is no connection. */
   readonly connection: ReadonlySignal<Connected | null>;
-  /** Of the controller's random numbers. */
+  /** Seed of the controller's random numbers. */
   readonly seed: ReadonlySignal<number>;
-  /** Pixels of the screen along one of the viewport's; it changes when the window moves to another screen. */
+  /** Screen pixels per viewport pixel; it changes when the window moves to another screen. */
   readonly pixelRatio: ReadonlySignal<number>;
-  /** How large pictures are displayed, in the screen's pixels. */
+  /** Displayed size of pictures, in the screen's pixels. */
   readonly size: () => Size;
 }
 
-/** A choice for one side of a comparison, where a mode has several. */
+/** A choice for one side of a comparison, if a mode has several. */
 export interface Variant {
   readonly name: string;
   readonly title: string;
@@ -71,27 +71,27 @@ export interface Variant {
 /** A mode: its line in the registry. */
 export interface SourceKind {
   readonly title: string;
-  /** One sentence for the settings; absent if they explain it themselves. */
+  /** One sentence for the lab; absent if the settings explain it. */
   readonly about?: string;
-  /** How to make it available where it is missing. */
+  /** How to make it available if it is missing. */
   readonly remedy?: string;
-  /** Absent if the mode itself is the only one. */
+  /** Absent if the mode itself is the only choice. */
   readonly variants?: readonly Variant[];
   /** Settings that affect it; panels of the others are hidden. */
   readonly settings: readonly (keyof Settings)[];
-  /** Of these, the ones for which delivery begins anew, so that other frames have to be waited for. */
+  /** Those among them that restart delivery, so that new frames must be awaited. */
   readonly reopens: readonly (keyof Settings)[];
-  /** Whether it requests frames over the connection to the server, of which each side then has its own. */
+  /** Whether it requests frames over the connection to the server; each side then has its own connection. */
   readonly requests: boolean;
-  /** Whether this browser renders the scene itself; no rung and no bit rate apply then. */
+  /** Whether this browser renders the scene itself; rungs and bit rates then do not apply. */
   readonly drawsHere: boolean;
-  /** Whether it stays while nobody has seen the page for some time: opening it again would cost a download. */
+  /** Whether it stays open while the page is hidden for long: opening it again would cost a download. */
   readonly keepsHidden: boolean;
-  /** Whether its figures of the last minute are charted beside the stage, as for a comparison. */
+  /** Whether its figures of the last minute are charted next to the stage, as for a comparison. */
   readonly charts: boolean;
   /** Why it is not available for a scene of this server, without a full stop; null if it is. */
   missing(server: ServerConfig | null, scene: SceneInfo): string | null;
-  /** Loads its code; the result opens the source. */
+  /** Loads its code; resolves to a function that opens the source. */
   load(): Promise<OpenSource>;
 }
 

@@ -1,4 +1,4 @@
-/** A stream of the packager's as a source, opened anew whenever something changes that decides it. */
+/** A stream of the packager's as a source, reopened whenever something that determines it changes. */
 import { computed, effect, type ReadonlySignal, type Signal, signal, untracked } from "@preact/signals";
 import { Reprojector } from "../reproject/reprojector";
 import type { SideSettings } from "../state/settings";
@@ -11,7 +11,7 @@ import { keepTurning } from "./keep-turning";
 import type { OpenSource, Source, SourceContext } from "./source";
 import { packagerOf } from "./streamed";
 
-/** A stream is opened anew when the viewport has kept its size for this long, in milliseconds. */
+/** A stream is reopened when the viewport has kept its new size for this long, in milliseconds. */
 const RESIZED_AFTER = 400;
 
 /** How a mode's stream follows from its settings. */
@@ -58,7 +58,7 @@ class Streamed<Plan> implements Source {
       const base = packagerOf(config.value);
       if (base === undefined || scene.value === null) return null;
       const turned = reprojector.status.value === "on";
-      // As text, so that only a change of its content is one; the configuration is read again and again.
+      // As text, so that only changed content counts as a change; the configuration is read repeatedly.
       return JSON.stringify({
         source: { base, h3: config.value?.dash_h3_url ?? null, scene: scene.value.id, plan: planOf(settings.value) },
         viewport: viewport.value,

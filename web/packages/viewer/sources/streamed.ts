@@ -7,7 +7,7 @@ import type { OpenSource, SourceKind, Variant } from "./source";
 interface StreamMode {
   readonly kind: StreamKind;
   readonly variants?: readonly Variant[];
-  /** The settings that decide how it is streamed. */
+  /** The settings that determine how it is streamed. */
   readonly settings: readonly (keyof Settings)[];
   readonly load: () => Promise<OpenSource>;
 }

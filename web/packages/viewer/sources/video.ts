@@ -2,7 +2,7 @@
 import { STATELESS } from "./pictures";
 import type { SourceKind } from "./source";
 
-/** A video has neither a depth nor another format. */
+/** Settings that do not apply to a video, which has neither depth nor other formats. */
 const PICTURES_ONLY: readonly string[] = ["depth", "webp"];
 
 export const VIDEO: SourceKind = {

@@ -5,8 +5,8 @@ import type { AddedScene, SceneEdit, SceneInfo, ServerConfig, Training } from "#
 const TIMEOUT = 5000;
 
 /**
- * `viewer`: which scene is viewed, and how its host does, for the director of a cluster. `server`: where it is, if not
- * where the page is from.
+ * `viewer` reports the viewed scene and the state of its host to the director of a cluster. `server` is its URL, unless
+ * the page is from there.
  */
 export async function fetchConfig(
   signal?: AbortSignal,
@@ -20,20 +20,20 @@ export async function fetchConfig(
   return server === "" || config.render_url ? config : { ...config, render_url: server };
 }
 
-/** All scenes; `scan` has the server look at its directory again first, however long it takes. */
+/** All scenes; `scan` makes the server rescan its directory first, without a time limit. */
 export function fetchScenes({ scan = false } = {}): Promise<SceneInfo[]> {
   return scan ? call("scenes?scan=1", {}) : callSoon("scenes");
 }
 
 interface Loading {
-  /** Where, in a cluster. */
+  /** The host, in a cluster. */
   readonly host?: string | null;
   readonly server?: string;
-  /** Wait no longer than until it can be shown coarsely: then its state is `loading`. */
+  /** Wait only until it can be shown coarsely; its state is then `loading`. */
   readonly coarse?: boolean;
 }
 
-/** Loads a scene, however long it takes. */
+/** Loads a scene, without a time limit. */
 export function loadScene(id: string, signal?: AbortSignal, { host, server = "", coarse }: Loading = {}) {
   const query = new URLSearchParams({ ...(coarse && { coarse: "1" }), ...(host && { host }) }).toString();
   const path = `scenes/${encodeURIComponent(id)}/load${query && `?${query}`}`;
@@ -49,19 +49,19 @@ export function deleteScene(id: string): Promise<void> {
   return callSoon(`scenes/${encodeURIComponent(id)}`, { method: "DELETE" });
 }
 
-/** The renamed scene; its name is also its id. */
+/** Renames a scene and returns it; its name is also its id. */
 export function renameScene(id: string, name: string): Promise<SceneInfo> {
   const init = { method: "POST", body: JSON.stringify({ name }) };
   return callSoon(`scenes/${encodeURIComponent(id)}/rename`, init);
 }
 
-/** Changes a scene's start view, saved views and camera paths; the changed scene. */
+/** Changes a scene's start view, saved views and camera paths; returns the changed scene. */
 export function editScene(id: string, edit: SceneEdit): Promise<SceneInfo> {
   const init = { method: "PATCH", body: JSON.stringify(edit) };
   return callSoon(`scenes/${encodeURIComponent(id)}`, init);
 }
 
-/** Makes the upload at this URL a scene, however long it takes to check it. */
+/** Turns the upload at this URL into a scene, without a time limit for checking it. */
 export function addUploaded(url: string, signal?: AbortSignal): Promise<AddedScene> {
   return call(`${url}/scene`, { method: "POST", signal });
 }
@@ -70,7 +70,7 @@ export function fetchScene(id: string, server = ""): Promise<SceneInfo> {
   return callSoon(at(server, `scenes/${encodeURIComponent(id)}`));
 }
 
-/** How far the training of a scene's networks is; `POST` begins it, and `DELETE` stops it. */
+/** Progress of training a scene's networks; `POST` starts it, and `DELETE` stops it. */
 export function training(id: string, method: "GET" | "POST" | "DELETE" = "GET"): Promise<Training> {
   return callSoon(`scenes/${encodeURIComponent(id)}/enhance`, { method });
 }

@@ -1,8 +1,8 @@
-/** Checks of values that come from outside, such as stored settings: as little as the first screen needs. */
+/** Checks of values that come from outside, such as stored settings: only as much as the first screen needs. */
 
 export interface Schema<T> {
   readonly accepts: (value: unknown) => value is T;
-  /** The values in text, where they can be listed. */
+  /** The values as text, if they can be listed. */
   readonly choices?: readonly string[];
 }
 

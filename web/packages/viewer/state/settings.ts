@@ -35,23 +35,23 @@ interface About {
   readonly help?: string;
   /** Labels of its values, in the order in which they are offered. */
   readonly options?: Readonly<Record<string, string>>;
-  /** Of a number. */
+  /** Unit and range of a number. */
   readonly unit?: string;
   readonly range?: readonly [min: number, max: number];
-  /** Part of a link to a view: it affects the picture. */
+  /** Part of a link to a view, because it affects the picture. */
   readonly linked?: true;
-  /** It affects measurements, and so it may not change during a run of an experiment. */
+  /** Affects measurements, so it must not change during a run of an experiment. */
   readonly recorded?: true;
 }
 
-/** `usual` also replaces stored values that make no sense. */
+/** `usual` is the default, which also replaces invalid stored values. */
 function setting<T, const More extends About>(schema: Schema<T>, usual: NoInfer<T>, about: More) {
   return { schema, usual, ...about };
 }
 
 const toggle = <const More extends About>(usual: boolean, about: More) => setting(BOOLEAN, usual, about);
 
-/** One of the values that have a label. */
+/** A setting with one of several labelled values. */
 function choice<Options extends Readonly<Record<string, string>>, const More extends About>(
   options: Options,
   usual: NoInfer<keyof Options & string>,
@@ -71,7 +71,7 @@ function whole<const More extends About>(min: number, max: number, usual: number
 const LAST_RUNG = 255;
 const KBPS = wholeWithin(50, 100_000);
 
-/** Names with the labels that they have in a list. */
+/** The names with their labels. */
 const labelled = <Name extends string>(names: readonly Name[], label: (name: Name) => string) =>
   Object.fromEntries(names.map((name) => [name, label(name)])) as Record<Name, string>;
 
@@ -110,10 +110,10 @@ export const SETTINGS = {
     linked: true,
     recorded: true,
   }),
-  /** Frames a second; null: the preset's own. */
+  /** Frames per second; null: the preset's own. */
   dashFrameRate: setting(nullable(oneOf(FRAME_RATES)), null, { label: "Frame rate", recorded: true }),
   dashTransport: choice(DASH_TRANSPORTS, "tcp", { label: "Segment transport", recorded: true }),
-  /** A single representation of a stream, for measurements; null: all that the packager offers. */
+  /** A single representation of a stream, for measurements; null for all that the packager offers. */
   dashRepresentation: setting(nullable(record({ rung: wholeWithin(0, LAST_RUNG), bitrate_kbps: KBPS })), null, {
     recorded: true,
   }),
@@ -149,7 +149,7 @@ export const SETTINGS = {
     { label: "Adaptation", linked: true, recorded: true },
   ),
   profile: whole(0, LAST_RUNG, 0, { label: "Profile", linked: true, recorded: true }),
-  /** When the camera stands still, ask for the view once more at the best rung. */
+  /** When the camera stands still, requests the view again at the best rung. */
   refine: toggle(true, { label: "Sharpen when you stop", linked: true, recorded: true }),
   webp: toggle(true, {
     label: "WebP on slow links",
@@ -199,9 +199,9 @@ export const SETTINGS = {
   turnSpeed: number(1, 720, 60, { label: "Turn", unit: "°/s" }),
   sidebar: toggle(false, {}),
   hud: toggle(true, {}),
-  /** All measurements, or one line; null: all while the lab is open where there is room. */
+  /** All measurements, or one line; null shows all while the lab is open, if there is room. */
   hudDetails: setting(nullable(BOOLEAN), null, {}),
-  /** How to move is shown over the picture, until the first movement. */
+  /** Whether to explain over the picture how to move, until the first movement. */
   hint: toggle(true, {}),
   shortcuts: toggle(true, {
     label: "Single-key shortcuts",
@@ -219,14 +219,14 @@ export interface SideSettings
   extends Omit<Settings, "mode" | "dashRepresentation">,
     Pick<DashSettings, "dashRepresentation"> {
   readonly mode: SourceName;
-  /** How many kbit/s it may take; without it, as many as it likes. */
+  /** Limit in kbit/s; unlimited if absent. */
   readonly bitrateKbps?: number;
 }
 
 const NAMES = Object.keys(SETTINGS) as (keyof Settings)[];
 const about = (name: keyof Settings): About => SETTINGS[name] as About;
 
-/** Settings from outside; nonsense is replaced by the usual values. */
+/** Reads settings from outside; invalid values are replaced by the defaults. */
 function parse(stored: Readonly<Record<string, unknown>>): Settings {
   const read = (name: keyof Settings) => {
     const { schema, usual }: { schema: Schema<unknown>; usual: unknown } = SETTINGS[name];
@@ -240,7 +240,7 @@ export const DEFAULT_SETTINGS: Settings = parse({});
 /** Settings that affect the view, which links may contain. */
 export const LINKED = NAMES.filter((name) => about(name).linked) as readonly LinkedName[];
 
-/** The settings that affect measurements, as text to compare. */
+/** The settings that affect measurements, as text for comparison. */
 export function recorded(settings: Settings): string {
   return JSON.stringify(NAMES.filter((name) => about(name).recorded).map((name) => settings[name]));
 }
@@ -261,12 +261,12 @@ export function settingOf<Name extends LinkedName>(name: Name, text: string): Se
   return candidates.find((value): value is Settings[Name] => read(value) === value);
 }
 
-/** The same settings, if each exists and has a value that it may have. Throws otherwise. */
+/** Returns the same settings if each is known and has a valid value. Throws otherwise. */
 export function validSettings(settings: Settings): Settings {
   const unknown = Object.keys(settings).find((name) => !Object.hasOwn(SETTINGS, name));
   if (unknown !== undefined) throw new Error(`there is no setting ${unknown}`);
   const valid = parse({ ...settings });
-  // A value that makes no sense would be replaced by the usual one.
+  // An invalid value would be replaced by the default.
   const wrong = NAMES.find((name) => JSON.stringify(valid[name]) !== JSON.stringify(settings[name]));
   if (wrong !== undefined) throw new Error(`${wrong} has an invalid value`);
   return valid;
@@ -274,7 +274,7 @@ export function validSettings(settings: Settings): Settings {
 
 const KEY = "tigas.settings";
 
-/** Gives the part of localStorage that is used; some browsers throw on any access, even to the name, as in frames of other sites. */
+/** Returns the part of localStorage that is used; some browsers throw on any access, even to the name, as in frames of other sites. */
 export type Disk = () => Pick<Storage, "getItem" | "setItem">;
 
 export function loadSettings(disk: Disk): Settings {

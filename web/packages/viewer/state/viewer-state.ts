@@ -7,7 +7,7 @@ import { DEFAULT_SETTINGS, type Settings } from "./settings";
 export class ViewerState {
   readonly settings: Signal<Settings>;
   readonly config: Signal<ServerConfig | null> = signal(null);
-  /** The own ladder of the scene that is visited, if it has one. */
+  /** The ladder of the visited scene, if it has its own. */
   readonly sceneLadder: Signal<readonly Rung[] | null> = signal(null);
   /**
    * The ladder that profiles index: the scene's own, or else the server's, best first; empty until the server has
@@ -18,7 +18,7 @@ export class ViewerState {
   readonly settingsOverridden = signal(false);
   /** The loaded movement, which stays from scene to scene. */
   readonly movement: Signal<NamedMovement | null> = signal(null);
-  /** Where the server is, without a slash at the end; empty for the page's own. */
+  /** URL of the server without a trailing slash; empty for the page's own. */
   readonly server: string;
 
   constructor(settings: Partial<Settings> = {}, server = "") {

@@ -48,7 +48,7 @@ test("a slow server gets a few requests to choose the newest from, or no more th
 });
 
 test.each([
-  [20, 0, 3], // the link takes no time: a request goes out in every animation frame
+  [20, 0, 3], // the link takes no time, so a request goes out in every animation frame
   [70, 50, 2], // one on the link, and one in transit or being rendered
   [150, 50, 4],
 ])(
@@ -99,7 +99,7 @@ test("standing still is no reason to forget the way", () => {
 describe("request pace", () => {
   const FRAME = 1000 / 60;
 
-  /** Requests in a second of animation frames, from `from` on, in milliseconds. */
+  /** Number of requests in a second of animation frames that starts at `from`, in milliseconds. */
   function asked(pace: RequestPace, from: number): number {
     let count = 0;
     for (let i = 0; i < 60; i++) {

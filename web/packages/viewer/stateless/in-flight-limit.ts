@@ -17,14 +17,14 @@
  */
 import type { FrameClock } from "#client/abr/frame-clock";
 
-/** Keeps to the rate at which a busy server may be asked: between requests, animation frames are left out. */
+/** Keeps to the request rate of a busy server, by skipping animation frames between requests. */
 export class RequestPace {
-  /** Between requests, in milliseconds; 0 if the server does not say. */
+  /** Time between requests, in milliseconds; 0 if the server does not announce one. */
   #interval = 0;
-  /** From when on the next request may go out, on the page's clock. */
+  /** Earliest time of the next request, on the page's clock. */
   #next = Number.NEGATIVE_INFINITY;
 
-  /** Interval announced by the newest answer; null: one request per display frame. */
+  /** Interval announced by the newest answer; null for one request per display frame. */
   told(requestsPerS: number | null): void {
     this.#interval = requestsPerS === null ? 0 : 1000 / requestsPerS;
   }
@@ -33,22 +33,22 @@ export class RequestPace {
     return this.#interval === 0 || now >= this.#next;
   }
 
-  /** A request that has to wait for an animation frame does not make the next ones late. */
+  /** Records a request; if it had to wait for an animation frame, the next ones are not delayed. */
   sent(now: number): void {
     this.#next = Math.max(this.#next, now - this.#interval) + this.#interval;
   }
 }
 
-/** One frame's way, from its request to the decoded picture. */
+/** Times of one frame, from its request to the decoded picture. */
 export interface FrameTimes {
   /** From sending the request to the decoded frame, less all time in the server, in milliseconds. */
   readonly overhead: number;
   /** Rendering and encoding, in milliseconds. */
   readonly render: number;
   readonly encode: number;
-  /** How long the frame's bytes take on the link, in milliseconds; 0 if unknown. */
+  /** Time of the frame's bytes on the link, in milliseconds; 0 if unknown. */
   readonly transmission: number;
-  /** Nothing else was in flight when it was sent. */
+  /** Whether nothing else was in flight when it was sent. */
   readonly alone: boolean;
 }
 
@@ -68,7 +68,7 @@ export class InFlightLimit {
   readonly #overtaking: boolean;
   readonly #clock: Pick<FrameClock, "interval">;
 
-  /** `overtaking`: whether the server renders the newest request first; `clock` is the display's. */
+  /** `overtaking` says whether the server renders the newest request first; `clock` is the display's. */
   constructor(overtaking: boolean, clock: Pick<FrameClock, "interval">) {
     this.#overtaking = overtaking;
     this.#clock = clock;

@@ -7,7 +7,7 @@ beforeEach(() => {
   subject = new FormatChoice();
 });
 
-/** Pictures of 640×360 came. */
+/** Records pictures of 640×360. */
 function came(type: string, bytes: number, encode: number, { count = 1, now = 0 } = {}): void {
   const header = { status: 200, seq: 0, content_type: type, width: 640, height: 360 };
   const arrival = { sentAt: 0, firstByteAt: 0, lastByteAt: 0, bytes, sharedBytes: 0 };

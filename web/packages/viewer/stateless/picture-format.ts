@@ -6,7 +6,7 @@
 import type { FrameReply } from "#client/transport/transport";
 import type { ServerConfig } from "#client/wire/render";
 
-/** Whether this browser decodes WebP as frames are: found out with a picture of one pixel. */
+/** A WebP of one pixel, to test whether this browser decodes WebP like frames. */
 const ONE_PIXEL = "UklGRiIAAABXRUJQVlA4IBYAAAAwAQCdASoBAAEADsD+JaQAA3AAAAAA";
 
 export async function decodesWebp(): Promise<boolean> {
@@ -25,7 +25,7 @@ export type PictureFormat = NonNullable<ServerConfig["formats"]>[number];
 const SAVED = 0.2;
 /** Extra encoding and decoding time of a million pixels in milliseconds, until measured. */
 const LONGER = 22;
-/** Of that, decoding. */
+/** The part of it for decoding. */
 const DECODING = 4;
 /** Weight of the newest frame. */
 const ALPHA = 0.2;

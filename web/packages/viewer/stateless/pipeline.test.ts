@@ -340,7 +340,7 @@ describe("a picture beside the view", () => {
     transport = new FakeTransport(() => now, { maxInFlight: 2 });
     const subject = pipeline();
     await frame(subject, view(1));
-    expect(subject.spare).toBe(false); // until a first frame has come
+    expect(subject.spare).toBe(false); // until a first frame has arrived
     transport.requests[0]?.reply();
     await frame(subject, view(1));
     expect(subject.spare).toBe(true);

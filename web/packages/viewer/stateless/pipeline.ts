@@ -29,12 +29,12 @@ export type ViewRequest = Omit<RenderRequest, "seq">;
 
 /** A request in flight; its state changes until it is `shown` or has failed. */
 export interface SentRequest {
-  /** On the page's clock. */
+  /** Time of the request on the page's clock. */
   readonly at: number;
   readonly pose: number;
   /** The rung; null for a refinement. */
   readonly asked: number | null;
-  /** `overtaken` from the last byte on, until its frame is handed to the screen. */
+  /** `overtaken` from its last byte until its frame is handed to the screen. */
   readonly fate: Request["fate"];
 }
 
@@ -55,9 +55,9 @@ export interface DecodedFrame extends DecodedImage {
 
 export interface PipelineEvents {
   sent(request: SentRequest): void;
-  /** A frame for pose number `pose` has arrived; it may still be decoding. */
+  /** Called when a frame for pose number `pose` has arrived; it may still be decoding. */
   replied(reply: FrameReply, view: ViewRequest, pose: number): void;
-  /** A refusal to show to the user; late frames are excluded. */
+  /** Called with a refusal to show to the user; late frames are excluded. */
   refused(problem: RequestProblem): void;
   unrefined(): void;
   format(): PictureFormat;
@@ -67,13 +67,13 @@ export interface PipelineEvents {
 
 export interface PipelineCounts {
   readonly sent: number;
-  /** Overtaken by a newer frame, on our side. */
+  /** Requests overtaken by a newer frame, on our side. */
   readonly cancelled: number;
-  /** Overtaken or late on the server's side, or lost on the way. */
+  /** Frames overtaken or late on the server's side, or lost on the way. */
   readonly dropped: number;
 }
 
-/** The picture of a frame. Rejects with the signal's reason if aborted. */
+/** Decodes the picture of a frame. Rejects with the signal's reason if aborted. */
 export type Decode = (reply: FrameReply, signal: AbortSignal) => Promise<DecodedImage>;
 
 interface Entry {
@@ -91,7 +91,7 @@ type ReadyFrame = DecodedFrame & Pick<Entry, "request">;
 const RETRY_AFTER = 150;
 /** Problems of a single late frame: counted and not shown. */
 const LATE = new Set(["tigas:superseded", "tigas:deadline-exceeded"]);
-/** Concerns the page only: the next frame announces the request rate. */
+/** Not shown: the next frame announces the request rate. */
 const TOO_OFTEN = "tigas:asked-too-often";
 
 export class FramePipeline {
@@ -120,7 +120,7 @@ export class FramePipeline {
     this.#events = events;
   }
 
-  /** Take the newest view, of pose number `pose`, and ask for it if there is room. */
+  /** Takes the newest view, of pose number `pose`, and requests it if there is room. */
   want(view: ViewRequest, pose: number): void {
     const now = this.#now();
     this.#clock.tick(now);
@@ -180,7 +180,7 @@ export class FramePipeline {
     return this.#version > 0 && this.#shown.version === this.#version;
   }
 
-  /** Pauses: drops requests in flight and received frames. Afterwards even the same view is requested anew. */
+  /** Pauses: drops requests in flight and received frames. Afterwards even the same view is requested again. */
   pause(): void {
     this.#cancel(() => true, "the view is not shown");
     this.#drop("the view is not shown");
@@ -257,7 +257,7 @@ export class FramePipeline {
     this.#ready = frame;
   }
 
-  /** With a number, and a format unless it is to be a video's frame. */
+  /** The request with a number, and a format unless it is for a frame of a video. */
   #asked(view: ViewRequest, seq: number): ViewRequest & { readonly seq: number } {
     const format = view.format ?? this.#events.format();
     return { ...view, seq, ...(format !== "jpeg" && { format }) };
@@ -288,7 +288,7 @@ export class FramePipeline {
   }
 }
 
-/** Whether two views are equal, field by field; called in every animation frame. */
+/** Whether two views are equal, field by field; called once per animation frame. */
 export function sameView(a: ViewRequest, b: ViewRequest): boolean {
   const names = Object.keys(a) as (keyof ViewRequest)[];
   return names.length === Object.keys(b).length && names.every((name) => sameValue(a[name], b[name]));

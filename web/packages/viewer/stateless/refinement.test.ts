@@ -28,7 +28,7 @@ interface Server {
   readonly bytesAPixel?: number;
 }
 
-/** A frame of that size came. */
+/** Records a frame of this size. */
 function came(
   size: { width: number; height: number },
   profile: number | null,
@@ -41,7 +41,7 @@ function came(
   subject.observe({ header, arrival });
 }
 
-/** All steps that are asked for at rest, each answered before the next animation frame. */
+/** All steps requested at rest, each answered before the next animation frame. */
 function steps(server: Server = {}, wanted = view()): ViewRequest[] {
   const { throughput = FAST, pixelRatio = 2 } = server;
   came({ width: 320, height: 180 }, wanted.profile ?? null, server);

@@ -1,6 +1,6 @@
 /**
  * "Still means sharp": once the camera rests, the view is requested again with more pixels, up to those of the screen.
- * Each step is a whole picture, as large as the link carries in a moment or four times the previous one, limited by
+ * Each step is a whole picture, as large as the link carries in a short time or four times the previous one, limited by
  * server time, because the server finishes a started step before it turns to new movement. On a link that would take
  * longer than a few seconds for the screen's pixels, the largest step that fits that time is the last. Pure: time is an
  * argument.
@@ -18,7 +18,7 @@ export class Rest<Request extends ViewRequest> {
   #last: Request | undefined;
   #chooser: unknown;
 
-  /** The request that replaces a view whose rung `chooser` chose; choices of anything else always count. */
+  /** The request that replaces a view with a rung chosen by `chooser`; other choices always count. */
   view(view: Request, chooser: unknown): Request {
     const last = this.#last;
     if (last && chooser === this.#chooser && isLess(view, last)) return last;
@@ -28,7 +28,7 @@ export class Rest<Request extends ViewRequest> {
   }
 }
 
-/** Whether a request is for the same view as another, with a rung and a bit rate that are no better and margins that are no wider. */
+/** Whether a request is for the same view as another, with no better rung or bit rate and no wider margins. */
 function isLess(view: ViewRequest, than: ViewRequest): boolean {
   const { profile, overscan = 0, video, ...rest } = view;
   const { profile: best, overscan: widest = 0, video: clearest, ...same } = than;
@@ -39,33 +39,33 @@ function isLess(view: ViewRequest, than: ViewRequest): boolean {
 
 /** The camera rests after its view has not changed for this many milliseconds. */
 const STILL_AFTER = 150;
-/** Longest link time of a first step in milliseconds, unless it would look no better than the present frame. */
+/** Longest link time of a first step in milliseconds, unless it would look no better than the current frame. */
 const MOMENT = 150;
-/** Nor does any step keep the server for longer than this, or the link; in milliseconds. */
+/** Longest time of any step on the server, and on the link, in milliseconds. */
 const LONGEST_SERVER = 300;
 const LONGEST_LINK = 3000;
-/** Largest growth in pixels from step to step where the link is slow, and the smallest growth. */
+/** Largest growth in pixels per step on a slow link, and the smallest growth. */
 const GROWTH = 4;
 const LEAST_GROWTH = 1.3;
 /** Bytes per pixel before the first step, as on the paper's best rung. */
 const BYTES_A_PIXEL = 240_000 / (1280 * 720);
 
-/** A view as the page asks for it: by a pose, for a viewport. */
+/** A view as the page requests it: by a pose, for a viewport. */
 export type PosedRequest = ViewRequest & View;
 
 export interface Circumstances {
   readonly now: number;
-  /** The last requested view is on screen. */
+  /** Whether the last requested view is on the screen. */
   readonly settled: boolean;
-  /** Of the link, in bits per second; null while unknown. */
+  /** Throughput of the link in bits per second; null while unknown. */
   readonly throughput: number | null;
-  /** Pixels of the screen along one of the viewport's. */
+  /** Screen pixels per viewport pixel. */
   readonly pixelRatio: number;
 }
 
 export class Refinement {
   #still: { readonly view: PosedRequest; readonly pixelRatio: number; readonly since: number } | undefined;
-  /** The last request, and the best picture shown of it. */
+  /** The last request, and the best of its pictures that was shown. */
   #step: PosedRequest | null = null;
   #shown: PosedRequest | null = null;
   #finished = false;
@@ -105,13 +105,13 @@ export class Refinement {
     if (profile == null) this.#bytesAPixel = arrival.bytes / (width * height);
   }
 
-  /** The requested step failed: the picture on screen stays until the view changes. */
+  /** Stops after a failed step: the picture on the screen stays until the view changes. */
   failed(): void {
     this.#step = this.#shown;
     this.#finished = true;
   }
 
-  /** Null if no step would look better. */
+  /** The next larger step; null if none would look better. */
   #larger(view: PosedRequest, { throughput, pixelRatio }: Circumstances): PosedRequest | null {
     if (this.#frame.pixels === 0) return null;
     const screen = viewportFor(view.width * pixelRatio, view.height * pixelRatio);

@@ -10,7 +10,7 @@ import type { SideSettings } from "../state/settings";
 
 type Ladder = ReadonlySignal<readonly Rung[]>;
 
-/** The ladder, which changes only with its content: the configuration is read again and again. */
+/** The ladder, which changes only with its content, as the configuration is read repeatedly. */
 function contentOf(ladder: Ladder): Ladder {
   const content = computed(() => JSON.stringify(ladder.value));
   return computed(() => JSON.parse(content.value));
@@ -34,9 +34,9 @@ export function videoSteps(
 }
 
 /**
- * Made anew only when the choice, the rungs that it may choose from or the seed changes: a controller learns as it goes. Its
- * random numbers follow from the seed, so that a run can be made again. `pixels`: how many the picture takes on the screen;
- * larger rungs are for a person to choose only.
+ * Created again only when the choice, its rungs or the seed changes, because a controller learns as it goes. Its random
+ * numbers follow from the seed, so that a run can be repeated. `pixels`: how many the picture takes on the screen;
+ * larger rungs can only be chosen by the user.
  */
 export function selectedController(
   settings: ReadonlySignal<SideSettings>,

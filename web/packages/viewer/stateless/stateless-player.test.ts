@@ -50,7 +50,7 @@ test("walking asks for the views along the way, and for the last one for sure", 
 });
 
 test("of a bit rate that is given no more is asked for than fits into it, and the last view all the same", async () => {
-  bench.bitrateKbps = 80; // ten frames of 1000 bytes a second
+  bench.bitrateKbps = 80; // ten frames of 1000 bytes per second
   await bench.frames(3);
   bench.axes = { ...STILL, turnRight: 1 };
   const before = bench.transport.requests.length;
@@ -204,7 +204,7 @@ test("while it turns asks for where the camera will be, as soon as it is known h
   bench.axes = { ...STILL, turnRight: 1 };
   await bench.frames(20);
   const asked = bench.transport.requests.at(-1)?.request.quaternion ?? [0, 0, 0, 1];
-  // Frames are on the screen two animation frames after they were asked for, and stay there for one: 42 ms at 60 degrees a second.
+  // Frames are on the screen two animation frames after their request, and stay for one: 42 ms at 60 degrees per second.
   expect(angleBetween(bench.rig.pose.quaternion, asked)).toBeCloseTo(2.5, 3);
   bench.axes = STILL;
   await bench.frames(40);

@@ -32,9 +32,9 @@ export interface Reply extends Observation {
 
 /** The frame on screen, before any warp. */
 export interface ShownFrame extends Pick<DecodedFrame, "asked" | "header" | "image"> {
-  /** When it was on the screen, on the page's clock. */
+  /** Time when it appeared on the screen, on the page's clock. */
   readonly at: number;
-  /** Null if it was shown without a warp. */
+  /** Its enhancement; null if there was none. */
   readonly enhanced: Enhanced | null;
 }
 
@@ -47,16 +47,16 @@ type PlayerSettings = Pick<SideSettings, "overscan" | "depth" | "surround" | "re
   readonly bitrateKbps?: number | undefined;
 };
 
-/** What every source needs of a visit. */
+/** The parts of a visit that every source needs. */
 export interface Visit {
   readonly rig: Rig;
   readonly onPresented: (frame: PresentedFrame) => void;
-  /** A frame that was requested by itself, before any warp; it is on the canvas during this call. */
+  /** Called with a frame that was requested individually, before any warp; it is on the canvas during this call. */
   readonly onShown: (frame: ShownFrame) => void;
   readonly onSent: (request: SentRequest) => void;
-  /** A frame has arrived, and the controller has observed it. */
+  /** Called when a frame has arrived and the controller has observed it. */
   readonly onReplied: (reply: Reply) => void;
-  /** Bytes of pictures or of the scene were received. */
+  /** Called when bytes of pictures or of the scene are received. */
   readonly onReceived: (bytes: number) => void;
 }
 
@@ -64,7 +64,7 @@ export interface StatelessPlayerOptions extends Visit {
   readonly settings: Changing<PlayerSettings>;
   /** The ladder that request profiles index; empty until it is known. */
   readonly ladder: Changing<readonly Rung[]>;
-  /** Pixels of the screen along one of the viewport's. */
+  /** Screen pixels per viewport pixel. */
   readonly pixelRatio: Changing<number>;
   readonly display: Display<DecodedFrame>;
   /** Warps the displayed frame to the pose of each animation frame, if enabled. */
@@ -78,16 +78,16 @@ export interface StatelessPlayerOptions extends Visit {
   readonly controller: Changing<Controller>;
 }
 
-/** How far back the time that enhancement takes is looked at, in milliseconds. */
+/** Window of the time that enhancement takes, in milliseconds. */
 const ENHANCEMENT_SPAN = 5000;
-/** A frame that others refer to is waited for about as long as an answer takes, within these limits. In milliseconds. */
+/** Limits of the wait for a frame that others refer to, which is about as long as an answer takes, in milliseconds. */
 const LEAST_PATIENCE = 50;
 const USUAL_PATIENCE = 200;
 const MOST_PATIENCE = 500;
 
 export class StatelessPlayer {
   readonly stats = signal<Stats>(NO_STATS);
-  /** Why the server refuses frames at the moment, or null. */
+  /** Why the server currently refuses frames, or null. */
   readonly problem = signal<string | null>(null);
   readonly #options: StatelessPlayerOptions;
   readonly #enhanceTimes = new TimeWindow(ENHANCEMENT_SPAN);
@@ -194,8 +194,8 @@ export class StatelessPlayer {
   }
 
   /**
-   * Called at the start of each animation frame: the frame handed to the display is on screen by now, or once it is
-   * enhanced.
+   * Called at the start of each animation frame: the frame handed to the display is on the screen by now, or will be
+   * once it is enhanced.
    */
   presented(now: number): void {
     const { display, reprojector, onShown } = this.#options;
@@ -269,7 +269,7 @@ export class StatelessPlayer {
       ...rig.viewport.value,
       ...(step ? { profile: step.rung, format: "h264", video: step.video } : { profile: chosen }),
       ...this.#turning.request(scene, now, step !== undefined),
-      // Once it is loaded, this is another view: it is requested even by a camera that rests.
+      // A loaded scene is a new view, which is requested even if the camera rests.
       ...(scene.state === "loading" && { coarse: true }),
     };
     const rested = this.#rest.view(view, controller);
@@ -288,7 +288,7 @@ export class StatelessPlayer {
     return depth && videoSteps.peek() === null ? "depth" : "rotation";
   }
 
-  /** The newest view is on the screen, as sharp as it gets. */
+  /** Whether the newest view is on the screen, as sharp as it gets. */
   get #settled(): boolean {
     if (this.#pipeline === undefined) return true;
     const refining = this.#options.settings.peek().refine && this.#refinement.pending;

@@ -6,13 +6,13 @@ import { type Figures, NO_FIGURES } from "../view/meter";
 import { TimeWindow } from "../view/window";
 import type { PipelineCounts } from "./pipeline";
 
-/** Figures taken from the answers alone. */
+/** Figures from the answers alone. */
 export interface ReplyStats {
   /** From sending a request to its frame's last byte, median of the last seconds, in milliseconds. */
   readonly roundTrip: number | null;
-  /** Where the server's time went, medians as that of the round trip, in milliseconds. */
+  /** Breakdown of the server's time, as medians like the round trip, in milliseconds. */
   readonly server: ServerTiming | null;
-  /** With a moving camera, the server accounts for most of the time to a frame, whatever the link. */
+  /** Whether, with a moving camera, the server accounts for most of the response time. */
   readonly serverBound: boolean;
   readonly throughput: number | null;
   readonly frame: {
@@ -27,7 +27,7 @@ export interface ReplyStats {
 export interface VideoStats {
   /** Requested rate in bits per second. */
   readonly bitrate: number;
-  /** Frames received over this connection. */
+  /** Key frames received over this connection. */
   readonly keyFrames: number;
 }
 
@@ -57,10 +57,10 @@ export const NO_STATS: Stats = {
   counts: { sent: 0, cancelled: 0, dropped: 0 },
 };
 
-/** How far back the HUD looks, in milliseconds. */
+/** Window of the HUD's figures, in milliseconds. */
 const SPAN = 5000;
 const PARTS = ["queue", "render", "encode"] as const;
-/** The server limits a viewer if frames spend longer than this in it (ms), and a larger share of the response time. */
+/** The server is the limit if frames spend longer than this in it (ms), and a larger share of the response time. */
 const BOUND_AFTER = 50;
 const BOUND_SHARE = 0.6;
 
@@ -68,7 +68,7 @@ export class StatsRecorder {
   readonly throughput = new ThroughputEstimator();
   readonly #roundTrip = new TimeWindow(SPAN);
   readonly #server = { queue: new TimeWindow(SPAN), render: new TimeWindow(SPAN), encode: new TimeWindow(SPAN) };
-  /** Of frames of a moving camera; refined ones have no rung, and take their time. */
+  /** Times of frames of a moving camera; refined frames, which have no rung and take longer, are left out. */
   readonly #moving = { response: new TimeWindow(SPAN), server: new TimeWindow(SPAN) };
   #last: FrameReply | undefined;
 

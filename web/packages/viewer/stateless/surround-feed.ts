@@ -35,14 +35,14 @@ export class SurroundFeed {
     if (!reprojector.working || !settings.peek().surround || scene === undefined) return;
     if (scene !== this.#scene) this.#surround = new Surround(viewDistance(scene), scene.up);
     this.#scene = scene;
-    if (!pipeline.spare || reprojector.content === undefined) return; // the first view goes before everything else
+    if (!pipeline.spare || reprojector.content === undefined) return; // the first view comes before everything else
     const idle = pipeline.inFlight === 0;
     const there = reprojector.surround;
     const wanted = this.#surround.next({ now, pose, there, idle, throughput, ladder: ladder.peek() });
     if (wanted) void this.#ask(pipeline, scene.id, wanted, throughput);
   }
 
-  /** Whether sides that were never seen come now, so that a view that rests gets no sharper before; `throughput`: in bits per second. */
+  /** Whether sides that were never seen are fetched now, before a resting view is sharpened; `throughput`: in bits per second. */
   hurries(throughput: number | null): boolean {
     const { reprojector, rig, settings, ladder } = this.#options;
     const entered = rig.scene !== undefined && rig.scene === this.#scene;
@@ -50,7 +50,7 @@ export class SurroundFeed {
     return this.#surround.hurries({ there: reprojector.surround, throughput, ladder: ladder.peek() });
   }
 
-  /** New connection: outstanding requests will not be answered. */
+  /** Resets for a new connection: outstanding requests will not be answered. */
   reset(): void {
     this.#scene = undefined;
   }

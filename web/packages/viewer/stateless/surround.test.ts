@@ -76,7 +76,7 @@ test("of two sides to the left and the right, the one that was never seen goes f
   expect(next()?.side).toBe(RIGHT);
 });
 
-/** Every side is there, but from so far away that it is wanted anew. */
+/** Every side is available, but from so far away that it is requested again. */
 function allFromAfar(): void {
   for (const side of SIDES) there.set(side, sideView(side, [0, 0, -4], UP));
 }

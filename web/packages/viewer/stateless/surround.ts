@@ -23,13 +23,13 @@ const IDLE = { share: 0.3, longest: 500 };
  * This many unseen sides are requested at once, without pauses, while no view is in flight: nothing else is as urgent.
  */
 const TOGETHER = 2;
-/** A side is taken anew once the camera is such a share of the scene's distance away. */
+/** A side is requested again once the camera is this share of the scene's distance away. */
 const REFRESH = 0.2;
-/** Such a side is as urgent as a missing one. */
+/** Urgency of a missing side, and of such a side. */
 const NEVER_SEEN = 4;
-/** A side so far from where the camera looks, in degrees, is half as urgent as the one ahead. */
+/** A side this far from the viewing direction, in degrees, is half as urgent as the one ahead. */
 const ASIDE = 45;
-/** Of two rungs, the better one if its picture takes the link no longer than this, in milliseconds, and is no larger, in pixels. */
+/** Limits for choosing the better of two rungs: its picture's time on the link, in milliseconds, and its size, in pixels. */
 const MOMENT = 10;
 const PIXELS = 256 * 256;
 /** Assumed bits per second while the link is unknown. */
@@ -48,11 +48,11 @@ export interface Surroundings {
   readonly now: number;
   /** Predicted camera position at the time of the answer. */
   readonly pose: ScenePose;
-  /** The sides that there are, by number. */
+  /** The available sides, by number. */
   readonly there: ReadonlyMap<number, View>;
-  /** No view is in flight. */
+  /** Whether no view is in flight. */
   readonly idle: boolean;
-  /** Of the link, in bits per second; null while unknown. */
+  /** Throughput of the link in bits per second; null while unknown. */
   readonly throughput: number | null;
   readonly ladder: readonly Rung[];
 }
@@ -61,13 +61,13 @@ export class Surround {
   readonly #distance: number;
   readonly #up: Vector3;
   readonly #pending = new Set<number>();
-  /** The last one did not come. */
+  /** Whether the last request failed. */
   #failed = false;
   /** Time of the last request, and how long it occupied the link or the server. */
   #askedAt = Number.NEGATIVE_INFINITY;
   #took = 0;
 
-  /** `distance`: how far away most of the scene is, in its units; `up`: in its frame. */
+  /** `distance` is how far away most of the scene is, in its units; `up` is in its frame. */
   constructor(distance: number, up: Vector3) {
     this.#distance = distance;
     this.#up = up;
@@ -133,7 +133,7 @@ function rungFor(ladder: readonly Rung[], throughput: number, longest: number): 
   return last && takes(last) <= longest ? ladder.length - 1 : null;
 }
 
-/** Of two directions of length 1, in degrees. */
+/** Angle between two directions of length 1, in degrees. */
 function angleTo(a: Vector3, b: Vector3): number {
   return Math.acos(Math.min(1, Math.max(-1, a[0] * b[0] + a[1] * b[1] + a[2] * b[2]))) * DEGREES;
 }

@@ -39,7 +39,7 @@ export class Turning {
     options.display.onRaw = (frame, fresh) => this.#take(frame.bitmap, frame, pictured(frame, null), fresh);
   }
 
-  /** Whether pictures are turned; otherwise they are shown as they come. */
+  /** Whether pictures are turned; otherwise they are shown unchanged. */
   get working(): boolean {
     return this.#options.reprojector.working;
   }
@@ -58,7 +58,7 @@ export class Turning {
     return { ...(share > 0 && { overscan: share }), ...(depth && { depth: true }) };
   }
 
-  /** Once per animation frame while it works, after the newest frame was handed to the display: shows it as `pose` sees it. */
+  /** Called once per animation frame while it works, after the newest frame was handed to the display: shows it as seen from `pose`. */
   turn(pose: NumberedPose, now: number): void {
     const { display, reprojector, rig } = this.#options;
     const arrived = display.arrived;
@@ -82,7 +82,7 @@ export class Turning {
   #take(source: ImageBitmap, frame: DecodedFrame, about: Pictured, fresh: boolean): void {
     const { header, pose, depth } = frame;
     const { position, quaternion, fx, fy, cx, cy, width, height } = frame.asked;
-    if (!position || !quaternion) return; // a pose by its angles, which the page never asks for
+    if (!position || !quaternion) return; // a pose by its angles, which the page never requests
     const asked = { position, quaternion, fx, fy, cx, cy, width, height };
     const encoded = {
       width: header.width ?? source.width,
@@ -90,7 +90,7 @@ export class Turning {
       marginX: header.margin_x ?? 0,
       marginY: header.margin_y ?? 0,
     };
-    const view = resized(viewOfFrame(asked, encoded), source.width, source.height); // it may have been enlarged
+    const view = resized(viewOfFrame(asked, encoded), source.width, source.height); // it may have been upscaled
     this.#options.reprojector.take(source, { frame: about, pose, asked, view, depth }, fresh);
   }
 }

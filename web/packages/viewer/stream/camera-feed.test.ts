@@ -33,7 +33,7 @@ function feed(overscan: number | null): CameraFeed {
   return made;
 }
 
-/** An animation frame. */
+/** Runs an animation frame. */
 function frame(subject: CameraFeed): PoseUpdate | undefined {
   now += 16;
   rig.sample(now);

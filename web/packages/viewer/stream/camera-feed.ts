@@ -27,14 +27,14 @@ export function widened<View extends Intrinsics & Viewport>(view: View, overscan
   return resized(wide, width, height);
 }
 
-/** A camera at a place, with its lens in pixels of a viewport. */
+/** A camera's pose, with its lens in pixels of a viewport. */
 export type Camera = ScenePose & Intrinsics & Viewport;
 
 export interface Told {
   readonly pose: number;
-  /** When, on the page's clock. */
+  /** Time of the message on the page's clock. */
   readonly at: number;
-  /** The camera and its lens, for the stage. */
+  /** The camera and its lens, as the stage shows it. */
   readonly asked: Camera;
   /** Extent of the frames, margins included, in pixels of the session's viewport. */
   readonly view: Camera;
@@ -43,7 +43,7 @@ export interface Told {
 export interface CameraFeedOptions {
   readonly rig: Rig;
   readonly foresight: Foresight;
-  /** Margin of the stream at each side; null: frames are shown without a warp. */
+  /** Margin of the stream at each side; null if frames are shown without a warp. */
   readonly overscan: number | null;
 }
 
@@ -52,7 +52,7 @@ export class CameraFeed {
   static readonly KEPT = 1200;
   readonly #options: CameraFeedOptions;
   readonly #told = new Map<number, Told>();
-  /** A lens for another viewport is not one for this stream. */
+  /** The stream's viewport; lenses for others are ignored. */
   readonly #viewport: Viewport;
   #lens: Intrinsics;
   /** The last message; null before the first. */
@@ -65,7 +65,7 @@ export class CameraFeed {
     this.#lens = options.rig.intrinsics.peek();
   }
 
-  /** A stream is opened: the view that it begins with, as message 0. */
+  /** Opens a stream; returns its first view, which is message 0. */
   open(now: number): Camera {
     const { rig } = this.#options;
     this.#told.clear();
@@ -85,7 +85,7 @@ export class CameraFeed {
     this.#followLens();
     const last = this.#last;
     if (last && last.pose === pose && last.lens === this.#lens && samePose(last.camera, camera)) return;
-    // One pose may be sent repeatedly, with another prediction or lens: warping a frame requires its exact message.
+    // One pose may be sent repeatedly with a different prediction or lens, and warping a frame requires its exact message.
     const number = overscan === null ? pose : this.#number + 1;
     const views = this.#views(camera);
     const { fx, fy, cx, cy } = views.view;

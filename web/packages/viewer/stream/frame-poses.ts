@@ -13,7 +13,7 @@ export class FramePoses<Presented> {
     this.#matched = matched;
   }
 
-  /** Frame number `frame` shows pose `pose`. */
+  /** Records that frame number `frame` shows pose `pose`. */
   told(frame: number, pose: number): void {
     this.#poses.set(frame, pose);
     forget(this.#poses, frame - FramePoses.KEPT);
@@ -31,7 +31,7 @@ export class FramePoses<Presented> {
   }
 }
 
-/** Drops frames up to one; not every number is there, for a stream that fell behind leaves some out. */
+/** Drops frames up to one; numbers may be missing, since a stream that fell behind skips some. */
 function forget(frames: Map<number, unknown>, upTo: number): void {
   for (const frame of frames.keys()) if (frame <= upTo) frames.delete(frame);
 }

@@ -6,7 +6,7 @@ const FRAME = 1000 / 30;
 let target: LatencyTarget;
 let at: number;
 let mediaTime: number;
-/** The targets that came into force. */
+/** All targets that were set. */
 let heard: number[];
 
 beforeEach(() => {

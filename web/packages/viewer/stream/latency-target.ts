@@ -1,19 +1,19 @@
 /**
- * The lowest latency at which a stream plays smoothly on the present link: it starts at the preset's, rises by 50 ms on
+ * The lowest latency at which a stream plays smoothly on the current link: it starts at the preset's, rises by 50 ms on
  * two stalls within 10 s, and falls by 25 ms after each 30 s without a stall. It applies to every player, since it
  * depends only on the frames on screen. Pure.
  */
 
-/** Playback that lost this much on the clock stalled, in milliseconds: three frames of a 60 Hz screen. */
+/** Playback that falls this far behind the clock has stalled, in milliseconds: three frames of a 60 Hz screen. */
 const STALL = 50;
 const STALLS = 2;
 const WITHIN = 10_000;
 const RAISE = 50;
 const LOWER = 25;
 const LOWER_AFTER = 30_000;
-/** A stream that needs more does not count as smooth. */
+/** A stream that needs more is not smooth. */
 const MAX = 2000;
-/** A stream that begins finds its place first, in milliseconds. */
+/** Time for a new stream to settle, in milliseconds. */
 const GRACE = 2000;
 
 export class LatencyTarget {
@@ -23,13 +23,13 @@ export class LatencyTarget {
   #stalls: number[] = [];
   #smoothSince: number | undefined;
 
-  /** `least`: the preset's target, in milliseconds. */
+  /** `least` is the preset's target, in milliseconds. */
   constructor(least: number) {
     this.#least = least;
     this.#value = least;
   }
 
-  /** The target in force, in milliseconds. */
+  /** The current target, in milliseconds. */
   get value(): number {
     return this.#value;
   }
@@ -43,7 +43,7 @@ export class LatencyTarget {
     this.#last = { at, mediaTime };
     this.#smoothSince ??= at + GRACE;
     if (before === undefined || at < this.#smoothSince) return false;
-    // Frames that last longer in the stream itself, and frames that the browser did not report, are no stalls.
+    // Frames that last longer in the stream itself, and frames that the browser did not report, are not stalls.
     const lost = at - before.at - (mediaTime - before.mediaTime) * 1000;
     if (lost >= STALL) return this.#stalled(at);
     if (at - this.#smoothSince < LOWER_AFTER) return false;
@@ -51,7 +51,7 @@ export class LatencyTarget {
     return this.#set(this.#value - LOWER);
   }
 
-  /** The page was hidden: unseen frames are no stalls. */
+  /** Forgets the last frame after the page was hidden: unseen frames are not stalls. */
   forget(): void {
     this.#last = undefined;
   }

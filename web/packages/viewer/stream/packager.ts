@@ -9,7 +9,7 @@ import { STREAM_NAMES, type StreamKind } from "./stream";
  */
 type Counts = Pick<SessionStatus, "id" | "frames" | "repeated" | "dropped">;
 
-/** With a larger share, the server is the limit. */
+/** Above this share, the server is the limit. */
 export const MANY_REPEATS = 0.25;
 
 /**
@@ -22,7 +22,7 @@ export function repeatedShare(before: Counts | null, after: Counts | null): numb
   return Math.min(1, (after.repeated - before.repeated + (after.dropped - before.dropped)) / ticks);
 }
 
-/** Opening waits for the scene to load and for the first frame. */
+/** Time limit of opening, which waits for the scene to load and for the first frame. */
 const OPEN_TIMEOUT = 60_000;
 const END_TIMEOUT = 5000;
 
@@ -30,12 +30,12 @@ export function openSession(base: string, request: SessionRequest, signal: Abort
   return open("dash", base, "sessions", request, signal);
 }
 
-/** The same over WebRTC: an offer out, its answer back. */
+/** The same over WebRTC: sends an offer and returns its answer. */
 export function openWebRtc(base: string, request: WebRtcRequest, signal: AbortSignal): Promise<WebRtcSession> {
   return open("webrtc", base, "webrtc", request, signal);
 }
 
-/** Waits for the name of an unwanted stream and ends it; only the name allows that. */
+/** Opens a stream; waits for the name of an unwanted one to end it, which requires the name. */
 async function open<Opened extends Pick<SessionInfo, "id">>(
   kind: StreamKind,
   base: string,
@@ -76,7 +76,7 @@ export async function endSession(base: string, { id }: Pick<SessionInfo, "id">):
   await fetch(`${base}/sessions/${id}`, { method: "DELETE", keepalive: true, signal: limit }).catch(() => undefined);
 }
 
-/** How a stream does; null where the packager does not say. */
+/** State of a stream; null if the packager does not report it. */
 export async function sessionStatus(
   base: string,
   { id }: Pick<SessionInfo, "id">,

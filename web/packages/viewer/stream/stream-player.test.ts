@@ -14,7 +14,7 @@ const PLAYED: ViewStream["played"] = {
   webrtc: { codec: "VP8", rung: 2, width: 640, height: 360, frame_rate: 30, lost_packets: 0 },
 };
 
-/** The video's present media time in seconds. */
+/** The video's current media time in seconds. */
 let mediaTimeNow: number;
 
 class FakePicture {
@@ -35,12 +35,12 @@ let told: PoseUpdate[];
 let tab: EventTarget & { hidden: boolean };
 /** Callbacks of the last opened stream. */
 let events: ViewEvents;
-/** Streams that were given up. */
+/** Streams that were ended. */
 let disposed: number;
 const openViews = vi.fn<OpenViews>();
 /** The poses of pictures to warp, and the target poses. */
 let turned: { taken: number[]; to: number[] };
-/** Drawn and not reported. */
+/** Drawn but not reported. */
 let drawn: Turned<StreamedFrame> | null;
 let reprojector: Reprojector<StreamedFrame>;
 /** Target latencies set on the stream. */
@@ -94,7 +94,7 @@ afterEach(() => {
   vi.useRealTimers();
 });
 
-/** Of 30 frames a second, as some player has it. */
+/** A stream of 30 frames per second, in any player. */
 function stream(): ViewStream {
   return {
     player: "a player",
@@ -143,7 +143,7 @@ async function settle(): Promise<void> {
   await vi.advanceTimersByTimeAsync(0);
 }
 
-/** An animation frame. */
+/** Runs an animation frame. */
 function frame(at: number): void {
   now = at;
   player.tick(at, rig.sample(at));
@@ -153,7 +153,7 @@ test("latency is counted from the sample of a pose to the video frame that shows
   open();
   await settle();
   axes = { ...STILL, forward: 1 };
-  frame(100); // the stream is not there yet: to wait for it is no latency
+  frame(100); // the stream does not play yet: waiting for it is not latency
   axes = STILL;
   events.told(0, rig.pose.seq);
   present(0, 1500);
@@ -185,7 +185,7 @@ test("the packager hears of each new pose and of each new lens, and of neither t
   expect(told.map(({ seq }) => seq)).toEqual([rig.pose.seq - 1, rig.pose.seq - 1, rig.pose.seq]);
   axes = STILL;
   frame(80);
-  rig.resize(320, 180); // the lens for the new viewport is not one for this stream
+  rig.resize(320, 180); // the lens for the new viewport does not fit this stream
   frame(96);
   expect(told.at(-1)).toMatchObject({ fx: 900, cx: 320 });
 });
@@ -195,7 +195,7 @@ test("with reprojection a stream is wider, its frames are turned, and view and c
   open(0.1);
   await settle();
   expect(openViews.mock.calls[0]?.[1]).toMatchObject({ width: 768, height: 432, cx: 384, cy: 216 });
-  expect(video.style.scale).toBe("1.2"); // until one is, margins are beyond the pane
+  expect(video.style.scale).toBe("1.2"); // until one is turned, margins are outside the pane
   events.told(0, 0);
   present(0, 1500);
   const first = rig.pose.seq;
@@ -262,7 +262,7 @@ test("a stream that stalls is told to hold another latency, which is the player'
   await settle();
   frame(300);
   expect(player.stats.value.targetLatency).toBe(120);
-  for (let at = 0; at < 4000; at += 100) present(at / 1000, at); // as it should
+  for (let at = 0; at < 4000; at += 100) present(at / 1000, at); // as expected
   present(4, 4100);
   expect(aims).toEqual([]);
   present(4.1, 4300);

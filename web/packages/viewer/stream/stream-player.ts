@@ -27,10 +27,10 @@ import { type StreamedFrame, TurnedVideo } from "./turned-video";
 
 export interface StreamStats extends Figures {
   readonly kind: "stream";
-  /** Behind the live edge, in milliseconds, as the player counts. */
+  /** Latency behind the live edge in milliseconds, as measured by the player. */
   readonly liveLatency: number | null;
   readonly targetLatency: number | null;
-  /** Encoder, and time of frames in the jitter buffer in milliseconds; WebRTC only. */
+  /** Codec, and time of frames in the jitter buffer in milliseconds; WebRTC only. */
   readonly codec: string | null;
   readonly jitterBuffer: number | null;
 }
@@ -54,7 +54,7 @@ export interface StreamOptions {
   readonly prediction: () => PredictorName;
   /** Turns the stream's frames to the pose of each animation frame while it works. */
   readonly reprojector: Reprojector<StreamedFrame>;
-  /** Margin of frames at each side, as a share of the viewport; null: frames are shown without a warp. */
+  /** Margin of frames at each side, as a share of the viewport; null if frames are shown without a warp. */
   readonly overscan: number | null;
   readonly onPresented: (frame: PresentedFrame) => void;
   readonly onReceived: (bytes: number) => void;
@@ -68,7 +68,7 @@ interface Shown {
   readonly height: number;
 }
 
-/** A stream that plays; `ended` resolves with the reason. */
+/** A playing stream; `ended` resolves with the reason. */
 interface Playing {
   readonly ended: Promise<string>;
 }
@@ -81,11 +81,11 @@ export class StreamPlayer {
   readonly #meter: Meter;
   readonly #foresight: Foresight;
   readonly #feed: CameraFeed;
-  /** Null: frames are shown as they come. */
+  /** Null if frames are shown unchanged. */
   readonly #turned: TurnedVideo | null;
   #stream: ViewStream | undefined;
   #target: LatencyTarget | undefined;
-  /** Target latencies, in milliseconds, and since when. */
+  /** Target latencies in milliseconds, with their start times. */
   readonly #targets: { readonly at: number; readonly target: number }[] = [];
   #publishedAt = 0;
 
@@ -105,7 +105,7 @@ export class StreamPlayer {
     this.#leave();
   }
 
-  /** The present stream, for records, with the target latencies since a time; empty without one. */
+  /** The current stream, for records, with the target latencies since a time; empty without one. */
   played(startedAt: number): Partial<Pick<Recording, "dash" | "webrtc">> {
     const played = this.#stream?.played;
     if (played === undefined || "webrtc" in played) return played ?? {};
@@ -142,7 +142,7 @@ export class StreamPlayer {
   tick(now: number, moved: boolean): void {
     const { rig, reprojector } = this.#options;
     this.#meter.sampled(rig.pose.seq, now);
-    // Until the stream plays, poses wait for its start: that is no latency.
+    // Until the stream plays, poses wait for its start, which is not latency.
     if (moved && this.phase.peek().kind === "playing") this.#meter.moved(rig.pose.seq, now);
     this.#feed.follow(now, (update) => this.#stream?.send(update) ?? false);
     const lens = { ...rig.intrinsics.peek(), ...rig.viewport.peek() };
@@ -166,7 +166,7 @@ export class StreamPlayer {
     };
   }
 
-  /** Plays stream after stream, until the visit ends. */
+  /** Plays one stream after another, until the visit ends. */
   async #run(signal: AbortSignal): Promise<void> {
     try {
       while (!signal.aborted) {
@@ -240,7 +240,7 @@ export class StreamPlayer {
     return { ended: ended.promise };
   }
 
-  /** The message of a frame of the video is known. */
+  /** Presents a frame of the video, once its message is known. */
   #present(message: number, { frame, at, width, height }: Shown): void {
     const rung = this.#stream?.rung(width, height) ?? null;
     const told = this.#feed.told(message);
@@ -259,7 +259,7 @@ export class StreamPlayer {
   }
 }
 
-/** Buffered time ahead of the present frame in milliseconds; null before the first frame. */
+/** Buffered time ahead of the current frame in milliseconds; null before the first frame. */
 function bufferedMs({ buffered, currentTime }: HTMLVideoElement): number | null {
   if (buffered.length === 0) return null;
   return Math.max(0, (buffered.end(buffered.length - 1) - currentTime) * 1000);

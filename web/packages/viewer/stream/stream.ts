@@ -9,18 +9,18 @@ export type StreamKind = "dash" | "webrtc";
 export const STREAM_NAMES: Readonly<Record<StreamKind, string>> = { dash: "DASH", webrtc: "WebRTC" };
 
 export interface StreamEvents {
-  /** Bytes of segments were received. */
+  /** Called when bytes of segments are received. */
   received(bytes: number): void;
-  /** The stream cannot be played any longer. */
+  /** Called when the stream can no longer be played. */
   failed(reason: string): void;
 }
 
 export interface Stream {
   /** The player's name and version. */
   readonly player: string;
-  /** Behind the live edge, in seconds, as the player counts. */
+  /** Latency behind the live edge in seconds, as measured by the player. */
   latency(): number | null;
-  /** Hold another latency than the manifest asks for, in milliseconds. */
+  /** Sets a latency other than the manifest's, in milliseconds. */
   aim(target: number): void;
   dispose(): void;
 }
@@ -30,7 +30,7 @@ export type PlayStream = (video: HTMLVideoElement, manifest: string, events: Str
 
 /** Events of a stream of views. */
 export interface ViewEvents extends StreamEvents {
-  /** Frame number `frame` shows the pose of message `pose`. */
+  /** Called when frame number `frame` is known to show the pose of message `pose`. */
   told(frame: number, pose: number): void;
 }
 
@@ -39,22 +39,22 @@ export type Played = { readonly dash: Omit<PlayedStream, "targets_ms"> } | { rea
 
 /** A stream of views on a video element, with a remote camera. */
 export interface ViewStream extends Stream {
-  /** Target latency in milliseconds; null: as low as possible. */
+  /** Target latency in milliseconds; null for the lowest possible. */
   readonly targetLatency: number | null;
-  /** For records. */
+  /** The stream, for records. */
   readonly played: Played;
   /** The packager's report on it; null if unavailable. */
   status(signal: AbortSignal): Promise<SessionStatus | null>;
-  /** The browser's receiver statistics; null if it is not the receiver. */
+  /** The browser's receiver statistics; null if the browser is not the receiver. */
   receiver(): { readonly codec: string; readonly jitterBuffer: number | null } | null;
-  /** Sends a pose, unless an earlier one still waits: then false, and the newest is to be tried again. */
+  /** Sends a pose; returns false if an earlier one is still waiting, and the newest must be tried again. */
   send(pose: PoseUpdate): boolean;
   /**
    * Number of the frame at a media time in seconds, as reported by the browser for the last presented one; null if
    * unknown.
    */
   frame(mediaTime: number, presented: VideoFrameCallbackMetadata): number | null;
-  /** The ladder's rung, by a frame's size. */
+  /** The ladder's rung for a frame's size. */
   rung(width: number, height: number): number | null;
 }
 
@@ -66,8 +66,8 @@ export type OpenViews = (
   signal: AbortSignal,
 ) => Promise<ViewStream>;
 
-/** This browser can play no such stream at all. */
+/** This browser cannot play such a stream at all. */
 export class StreamUnsupported extends Error {}
 
-/** The stream ended before it began. */
+/** The stream ended before it started. */
 export class StreamEnded extends Error {}

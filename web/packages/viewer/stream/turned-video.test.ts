@@ -3,7 +3,7 @@ import type { Content, Reprojector } from "../reproject/reprojector";
 import type { Told } from "./camera-feed";
 import { type StreamedFrame, TurnedVideo } from "./turned-video";
 
-/** The video's picture at present: the time of its frame, in seconds; null while it seeks. */
+/** The video's current picture: the time of its frame, in seconds; null while it seeks. */
 let mediaTime: number | null;
 let pictures: FakePicture[];
 let taken: [picture: unknown, content: Content<StreamedFrame>][];

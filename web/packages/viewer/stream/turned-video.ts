@@ -6,7 +6,7 @@ import type { Reprojector } from "../reproject/reprojector";
 import { resized } from "../reproject/view";
 import type { Told } from "./camera-feed";
 
-/** How many pictures wait: a decoder has few to lend. */
+/** The most waiting pictures, since a decoder lends only a few. */
 const MOST = 3;
 
 /** Properties of a frame on screen. */
@@ -22,7 +22,7 @@ export interface StreamedFrame {
 export class TurnedVideo {
   readonly #video: HTMLVideoElement;
   readonly #reprojector: Reprojector<StreamedFrame>;
-  /** Until their view is known, by the frames' numbers, which grow unless the video jumps. */
+  /** Pictures of unknown views, by the frames' numbers, which increase unless the video jumps. */
   readonly #waiting = new Map<number, VideoFrame>();
 
   constructor(video: HTMLVideoElement, reprojector: Reprojector<StreamedFrame>) {
@@ -30,13 +30,13 @@ export class TurnedVideo {
     this.#reprojector = reprojector;
   }
 
-  /** A browser that can say which of a video's frames it gives away. */
+  /** Whether the browser can identify the frames that it copies from a video. */
   static get supported(): boolean {
     return globalThis.VideoFrame !== undefined;
   }
 
   /**
-   * Copies the video's present picture and returns the number of its frame, which `numberAt` knows by media time in
+   * Copies the video's current picture and returns the number of its frame, which `numberAt` knows by media time in
    * seconds; null without a picture. The picture may be newer than the frame that the browser has just reported at
    * `reported`, and must not be confused with it. Firefox does not say whether it is: as a timestamp, it gives seconds of
    * playback, not microseconds of the picture.
@@ -46,7 +46,7 @@ export class TurnedVideo {
     try {
       picture = new VideoFrame(this.#video);
     } catch {
-      return null; // a video that is on its way to another place has none
+      return null; // a seeking video has none
     }
     const untimed = picture.timestamp === Math.trunc(this.#video.currentTime);
     const frame = numberAt(untimed ? reported : picture.timestamp / 1e6);
@@ -55,7 +55,7 @@ export class TurnedVideo {
     return frame;
   }
 
-  /** It is known which view a frame shows. */
+  /** Shows a frame, once its view is known. */
   show(frame: number, told: Told, about: Omit<StreamedFrame, "askedAt">): void {
     const picture = this.#waiting.get(frame);
     if (picture === undefined) return;
@@ -73,7 +73,7 @@ export class TurnedVideo {
     this.#drop(frame);
   }
 
-  /** The stream has ended. */
+  /** Drops all pictures at the end of a stream. */
   clear(): void {
     for (const frame of this.#waiting.keys()) this.#drop(frame);
   }

@@ -52,7 +52,7 @@ describe("frames", () => {
   });
 
   test("that the video has gone past wait for nothing, and break nothing", () => {
-    add(next(2, 0)); // of before the key frame, which an earlier request asked for
+    add(next(2, 0)); // from before the key frame, which an earlier request asked for
     add(key(1));
     expect(add(next(3, 1))).toEqual({ ready: [3], lost: [2] });
     expect(chain.expired(2 * PATIENCE, PATIENCE)).toEqual([]);

@@ -7,7 +7,7 @@
 /** A frame's place in the video. */
 export interface Link {
   readonly seq: number;
-  /** It refers to no other. */
+  /** Whether it refers to no other frame. */
   readonly key: boolean;
   /** Number of the reference frame; null for a key frame. */
   readonly after: number | null;
@@ -25,7 +25,7 @@ interface Waiting<Frame> {
 }
 
 export class Chain<Frame extends Link> {
-  /** The last decodable frame; null: only a key frame can be decoded. */
+  /** The last decodable frame; null if only a key frame can be decoded. */
   #last: number | null = null;
   #waiting: readonly Waiting<Frame>[] = [];
   /** The unanswered request for a key frame. */
@@ -38,7 +38,7 @@ export class Chain<Frame extends Link> {
     return this.#last === null;
   }
 
-  /** A request goes out: whether it is to ask for a key frame. */
+  /** Records a request; returns whether it must ask for a key frame. */
   asks(seq: number): boolean {
     if (!this.broken || this.#asked !== null) return false;
     this.#asked = seq;
@@ -57,7 +57,7 @@ export class Chain<Frame extends Link> {
     return { ready: [], lost: this.#orphans() };
   }
 
-  /** Takes a request that was refused, cancelled or lost. Returns the frames that waited for it. */
+  /** Records that a request was refused, cancelled or lost. Returns the frames that waited for it. */
   ended(seq: number): readonly Frame[] {
     if (seq === this.#asked) this.#asked = null;
     if (this.#last !== null && seq < this.#last) return [];
@@ -70,7 +70,7 @@ export class Chain<Frame extends Link> {
     return this.#waiting.some(({ since }) => now - since > patience) ? this.break() : [];
   }
 
-  /** Only a key frame helps from now on. Returns the frames that waited. */
+  /** Records that only a key frame helps from now on. Returns the frames that waited. */
   break(): readonly Frame[] {
     this.#last = null;
     return this.#take(() => true);
@@ -82,7 +82,7 @@ export class Chain<Frame extends Link> {
     return orphaned ? this.break() : [];
   }
 
-  /** Goes on from a frame. Returns the waiting ones that follow it. */
+  /** Continues from a frame. Returns the waiting frames that follow it. */
   #follow({ seq }: Frame): Frame[] {
     const following: Frame[] = [];
     for (let last: number | undefined = seq; last !== undefined; ) {

@@ -1,12 +1,12 @@
 /** A frame for the decoder worker. */
 export interface EncodedFrame {
-  /** Grows by one with each frame that is handed over. */
+  /** Increases by one with each frame that is handed over. */
   readonly number: number;
   readonly key: boolean;
-  /** As WebCodecs names it. */
+  /** The codec's WebCodecs name. */
   readonly codec: string;
   readonly image: Blob;
 }
 
-/** The name of the error of a frame that the decoder took and gave no picture for: no reason to begin anew. */
+/** Error name for a frame that the decoder took without giving a picture, which is no reason to restart. */
 export const SKIPPED = "SkippedFrame";

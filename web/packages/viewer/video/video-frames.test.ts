@@ -29,7 +29,7 @@ const request = (seq: number): RenderRequest => ({
   ...{ scene: "s", seq, fx: 1, fy: 1, cx: 1, cy: 1, width: 2, height: 2 },
   ...({ format: "h264", video: VIDEO } as const),
 });
-/** A frame that came; without `after`, a key frame. */
+/** A received frame; without `after`, a key frame. */
 function frame(seq: number, after: number | null = null): FrameReply {
   const video = { key: after === null, after, codec: "avc1.42c01f" };
   const header = { status: 200, seq, content_type: "video/h264", video };

@@ -10,10 +10,10 @@ import type { RenderRequest } from "#client/wire/render";
 import { Chain, type Link } from "./chain";
 import { type EncodedFrame, SKIPPED } from "./encoded-frame";
 
-/** The main profile, as the server encodes; level 3.1 has the paper's best rung. */
+/** The server's main profile; level 3.1 includes the paper's best rung. */
 const CODEC = "avc1.4d001f";
 
-/** Null where it does, or else why not, in a sentence for a person. */
+/** Why this browser cannot decode video, in a sentence for the user; null if it can. */
 export async function videoProblem(): Promise<string | null> {
   if (typeof VideoDecoder === "undefined") {
     const why = isSecureContext ? "This browser has no WebCodecs" : "Browsers decode single frames only over HTTPS";
@@ -29,7 +29,7 @@ interface Arrived extends Link, Pick<EncodedFrame, "codec" | "image"> {
   readonly picture: Deferred<ImageBitmap>;
 }
 
-/** A picture as other decoders give it, without depth. The recipient closes its bitmap. */
+/** A picture in the form of other decoders, without depth. The recipient closes its bitmap. */
 export interface DecodedPicture {
   readonly bitmap: ImageBitmap;
   readonly depth: null;
@@ -41,21 +41,21 @@ const SPAN = 10_000;
 const UNCARRIED = "The Video mode needs WebTransport, which this connection does not have. Choose another mode.";
 
 export class VideoFrames {
-  /** Why there can be no video, in a sentence for a person; null where there can. */
+  /** Why video is impossible, in a sentence for the user; null if it is possible. */
   readonly problem: ReadonlySignal<string | null> = computed(() => this.#undecodable.value ?? this.#uncarried.value);
-  /** Key frames received over the present transport. */
+  /** Key frames received over the current transport. */
   keyFrames = 0;
   readonly #undecodable = signal<string | null>(null);
   readonly #uncarried = signal<string | null>(null);
   readonly #startWorker: () => CalledWorker;
   #worker: WorkerCalls<EncodedFrame, ImageBitmap> | undefined;
   #chain = new Chain<Arrived>();
-  /** Requests in flight, each aborted once frames of the present transport are useless. */
+  /** Requests in flight, each aborted once frames of the current transport are useless. */
   readonly #underWay = new Set<AbortController>();
   #number = 0;
   #failures: readonly number[] = [];
 
-  /** `problem` says whether this browser can decode video. */
+  /** `problem` tells whether this browser can decode video. */
   constructor(startWorker: () => CalledWorker, problem: Promise<string | null>) {
     this.#startWorker = startWorker;
     void problem.then((sentence) => {
@@ -95,7 +95,7 @@ export class VideoFrames {
     };
   }
 
-  /** No frame of before is of use: there is another connection, or none. */
+  /** Discards all frames, for a new connection or none. */
   reset(): void {
     this.#drop(this.#chain.break());
     this.#chain = new Chain();

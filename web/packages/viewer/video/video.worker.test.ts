@@ -47,7 +47,7 @@ test("frames are closed whether anyone still waits for them or not", async () =>
   await new Promise((resolve) => setTimeout(resolve));
   const [second, late] = [frame(1), frame(0)];
   FakeDecoder.last.output(second); // the first was skipped,
-  FakeDecoder.last.output(late); // and comes all the same
+  FakeDecoder.last.output(late); // and arrives all the same
   await vi.waitFor(() => expect(answers).toHaveLength(2));
   expect([second.closed, late.closed]).toEqual([true, true]);
 });

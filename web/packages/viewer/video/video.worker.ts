@@ -10,9 +10,9 @@ const scope = globalThis as unknown as {
 
 let decoder: VideoDecoder | null = null;
 let configured = "";
-/** By the number of the frame, in order. */
+/** Awaited pictures by the number of the frame, in order. */
 const awaited = new Map<number, Deferred<ImageBitmap>>();
-/** Reading a frame's bytes takes a moment, and they must not overtake each other. */
+/** Chains the reading of frames' bytes, which takes a moment, so that they do not overtake each other. */
 let fed: Promise<void> = Promise.resolve();
 
 scope.onmessage = ({ data: { id, request } }) => {
@@ -42,7 +42,7 @@ async function feed({ number, key, codec, image }: EncodedFrame, picture: Deferr
   }
 }
 
-/** A picture was decoded; missing pictures before it will not follow. */
+/** Takes a decoded picture; missing pictures before it will not follow. */
 function take(frame: VideoFrame): void {
   let wanted: Deferred<ImageBitmap> | undefined;
   for (const [number, picture] of awaited) {

@@ -26,7 +26,7 @@ function expectClose(actual: readonly number[], expected: readonly number[]): vo
   for (const [i, value] of expected.entries()) expect(actual[i]).toBeCloseTo(value, 5);
 }
 
-/** Where the camera's own axis points in the scene. */
+/** Direction of one of the camera's axes in the scene. */
 const axis = (quaternion: readonly number[], direction: Vector3) =>
   rotate(quaternion as unknown as Quaternion, direction);
 const FORWARD: Vector3 = [0, 0, 1];

@@ -16,7 +16,7 @@ import {
   type Vector3,
 } from "./vector";
 
-/** Degrees between two samples; no user turns as fast. */
+/** Degrees between two samples; no user turns this fast. */
 const FARTHEST_TURN = 30;
 /** Movement between two samples, as a share of the distance of the focus. */
 const FARTHEST_MOVE = 0.3;
@@ -47,7 +47,7 @@ export interface ScenePose {
 /** The rotation from the levelled frame to the scene's own. */
 export type Level = Quaternion;
 
-/** How far up or down one can look, in degrees: straight up the azimuth would lose its meaning. */
+/** How far up or down one can look, in degrees: straight up, the azimuth would be meaningless. */
 export const MAX_ELEVATION = 89;
 /** Distance of the focus in a scene without a start camera. */
 const UNKNOWN_DISTANCE = 4;
@@ -77,7 +77,7 @@ export function fromScene({ position, quaternion }: ScenePose, level: Level): Ca
   return { position: rotate(toLevel, position), ...towards(rotate(multiply(toLevel, quaternion), [0, 0, 1])) };
 }
 
-/** Where a visitor enters the scene: from its start camera, or the origin looking along z if it has none. */
+/** The camera with which a visitor enters the scene: its start camera, or the origin looking along z if it has none. */
 export function startCamera(scene: Pick<SceneInfo, "camera" | "up">): Camera {
   if (scene.camera === null) return { position: [0, 0, 0], azimuth: 0, elevation: 0 };
   const toLevel = conjugate(levelFor(scene.up));
@@ -107,7 +107,7 @@ export function orbit(camera: Camera, pivot: Vector3, right: number, up: number)
   return { ...turned, position: subtract(pivot, rotate(orientation(turned.azimuth, turned.elevation), seen)) };
 }
 
-/** A point of the levelled frame as the camera has it: to its right, below it and before it, in scene units. */
+/** A point of the levelled frame relative to the camera: to its right, below it and in front of it, in scene units. */
 export function seenFrom({ position, azimuth, elevation }: Camera, point: Vector3): Vector3 {
   return rotate(conjugate(orientation(azimuth, elevation)), subtract(point, position));
 }
@@ -117,13 +117,13 @@ export function ahead({ position, azimuth, elevation }: Camera, distance: number
   return add(position, rotate(orientation(azimuth, elevation), [0, 0, distance]));
 }
 
-/** Half as far away from a point of the levelled frame, which is then in the middle of the picture. */
+/** Moves halfway to a point of the levelled frame, which is then in the middle of the picture. */
 export function approach({ position }: Camera, point: Vector3): Camera {
   const way = subtract(point, position);
   return { position: add(position, [way[0] / 2, way[1] / 2, way[2] / 2]), ...towards(way) };
 }
 
-/** Between two cameras: 0 is the first, 1 the second. */
+/** Interpolates between two cameras: 0 is the first, 1 the second. */
 export function between(from: Camera, to: Camera, share: number): Camera {
   const way = subtract(to.position, from.position);
   const around = to.azimuth - from.azimuth;
@@ -141,7 +141,7 @@ export function move(camera: Camera, forward: number, right: number, up: number)
   };
 }
 
-/** Looks along a direction of the levelled frame. */
+/** The angles of a camera that looks along a direction of the levelled frame. */
 function towards([x, y, z]: Vector3): Pick<Camera, "azimuth" | "elevation"> {
   return {
     azimuth: Math.atan2(x, z) / RADIAN,
@@ -154,5 +154,5 @@ function clampElevation(elevation: number): number {
 }
 
 function micro(value: number): number {
-  return Math.round(value * 1e6) / 1e6 + 0; // + 0 makes one zero of two
+  return Math.round(value * 1e6) / 1e6 + 0; // + 0 turns -0 into 0
 }

@@ -7,13 +7,13 @@ import type { PresentedFrame, Side } from "./presented";
 import { StallDetector, type Stalls } from "./stalls";
 import { nearestRank, TimeWindow } from "./window";
 
-/** Poses older than this are forgotten, in milliseconds: no picture of them is looked at any more. */
+/** Poses older than this are forgotten, in milliseconds: their pictures are no longer on the screen. */
 const SPAN = 10_000;
 
 export class PoseTimes {
   #times: { readonly pose: number; at: number }[] = [];
 
-  /** The camera is at pose number `pose` at a time. */
+  /** Records that the camera is at pose number `pose` at a time. */
   sampled(pose: number, at: number): void {
     const last = this.#times.at(-1);
     if (last?.pose === pose) last.at = at;
@@ -21,12 +21,12 @@ export class PoseTimes {
     while (this.#times.length > 1 && (this.#times[0]?.at ?? at) < at - SPAN) this.#times.shift();
   }
 
-  /** The page was hidden for the last `gap` milliseconds, which do not count. */
+  /** Excludes the last `gap` milliseconds, in which the page was hidden. */
   resumed(gap: number): void {
     for (const time of this.#times) time.at += gap;
   }
 
-  /** For how long the camera has been elsewhere than at this pose, in milliseconds; null if that is not known. */
+  /** For how long the camera has been away from this pose, in milliseconds; null if unknown. */
   age(pose: number, now: number): number | null {
     const time = this.#times.findLast((one) => one.pose <= pose);
     return time === undefined ? null : now - time.at;
@@ -41,11 +41,11 @@ export interface Figures {
    * unusually long and are not on screen; null before any movement.
    */
   readonly motionToPhoton: { readonly p50: number; readonly p95: number } | null;
-  /** Pictures are turned to the newest view: the latency is the view's. */
+  /** Whether pictures are turned to the newest view; the latency is then the view's. */
   readonly turned: boolean;
   /**
    * Time from the pose of the pixels until they are on screen: the median over the last seconds of movement, or the
-   * present value if larger, in milliseconds; null before the first frame.
+   * current value if larger, in milliseconds; null before the first frame.
    */
   readonly contentAge: number | null;
   /** Time without a new view although the camera has moved, in milliseconds; 0 otherwise. */
@@ -60,11 +60,11 @@ export interface Figures {
   readonly newViews: number;
   /** All frames shown so far. */
   readonly shown: number;
-  /** The main thread's time to turn a picture, median of the last seconds; null while none is turned. In milliseconds. */
+  /** The main thread's time to turn a picture in milliseconds, median of the last seconds; null while none is turned. */
   readonly warpMs: number | null;
   /** GPU time in milliseconds; null where it is not measured. */
   readonly gpuMs: number | null;
-  /** No better picture of the present view follows. */
+  /** Whether no better picture of the current view will follow. */
   readonly settled: boolean;
   readonly picture: { readonly rung: number | null; readonly width: number; readonly height: number } | null;
 }
@@ -87,10 +87,10 @@ export const NO_FIGURES: Figures = {
   picture: null,
 };
 
-/** How often the HUD changes: often enough to be live, seldom enough to be read (ms). */
+/** Update interval of the HUD: short enough to be live, long enough to be readable (ms). */
 export const STATS_EVERY = 250;
 
-/** How far back the figures look, in milliseconds. */
+/** Windows of the figures, in milliseconds. */
 const RATE_SPAN = 1000;
 const BANDWIDTH_SPAN = 2000;
 const LATENCY_SPAN = 5000;
@@ -114,7 +114,7 @@ export class Meter {
   #newViews = 0;
   #shown = 0;
   #last: PresentedFrame | undefined;
-  /** Since when a new view may be expected; undefined while none is. */
+  /** Time since when a new view is expected; undefined while none is. */
   #viewAt: number | undefined;
 
   constructor(side: Side, listener: (frame: PresentedFrame) => void) {
@@ -122,12 +122,12 @@ export class Meter {
     this.#listener = listener;
   }
 
-  /** Once per animation frame: the camera is at pose number `pose`. */
+  /** Called once per animation frame: the camera is at pose number `pose`. */
   sampled(pose: number, at: number): void {
     this.#poses.sampled(pose, at);
   }
 
-  /** The camera moved, which made pose number `pose`. */
+  /** Records that the camera moved, which made pose number `pose`. */
   moved(pose: number, at: number): void {
     this.#latency.sampled(pose, at);
     this.#stalls.moved(at);

@@ -7,13 +7,13 @@ export class MotionToPhoton {
   static readonly MAX_WAITING = 4096;
   #waiting: { readonly version: number; readonly at: number }[] = [];
 
-  /** An input was sampled and made the view `version`. */
+  /** Records that an input was sampled and made the view `version`. */
   sampled(version: number, at: number): void {
     this.#waiting.push({ version, at });
     if (this.#waiting.length > MotionToPhoton.MAX_WAITING) this.#waiting.shift();
   }
 
-  /** The view `version` is on the screen; returns the latency of each input that it shows first, in milliseconds. */
+  /** Records that the view `version` is on the screen; returns the latency of each input that it shows first, in milliseconds. */
   presented(version: number, at: number): number[] {
     const shown = this.#waiting.filter((sample) => sample.version <= version);
     this.#waiting = this.#waiting.filter((sample) => sample.version > version);

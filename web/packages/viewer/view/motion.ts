@@ -2,32 +2,32 @@
 import { type Camera, move, orbit, turn } from "./camera";
 import type { Vector3 } from "./vector";
 
-/** Present input to the camera, each from -1 to 1. */
+/** Current input to the camera, each from -1 to 1. */
 export interface Axes {
   readonly forward: number;
   readonly right: number;
   readonly up: number;
   readonly turnRight: number;
   readonly turnUp: number;
-  /** How many times as fast as usual to walk; left out: once. */
+  /** Factor of the walking speed; 1 if absent. */
   readonly haste?: number;
 }
 
 export interface Speeds {
-  /** Degrees a second. */
+  /** Degrees per second. */
   readonly turn: number;
-  /** Scene units a second. */
+  /** Scene units per second. */
   readonly move: number;
 }
 
 export interface Nudge {
-  /** Degrees. */
+  /** Rotation in degrees. */
   readonly turnRight: number;
   readonly turnUp: number;
-  /** About the pivot, in degrees. */
+  /** Rotation about the pivot, in degrees. */
   readonly orbitRight: number;
   readonly orbitUp: number;
-  /** In seconds' worth of walking. */
+  /** Movement in seconds of walking. */
   readonly forward: number;
   readonly right: number;
   readonly up: number;

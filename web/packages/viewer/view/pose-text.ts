@@ -1,7 +1,7 @@
 /** Camera poses as text in links and attributes: `x,y,z,qx,qy,qz,qw` in the scene's own frame. Pure. */
 import type { ScenePose } from "./camera";
 
-/** Digits of a place and of a rotation, so that a link stays short. */
+/** Digits of a position and of a rotation, so that a link stays short. */
 const PLACE_DIGITS = 6;
 const ROTATION_DIGITS = 5;
 
@@ -10,7 +10,7 @@ export function poseText({ position, quaternion }: ScenePose): string {
   return [...position.map(rounded(PLACE_DIGITS)), ...quaternion.map(rounded(ROTATION_DIGITS))].join();
 }
 
-/** The pose of a text; null if it is none. */
+/** The pose of a text; null if it is invalid. */
 export function poseOf(at: string): ScenePose | null {
   const [x, y, z, qx, qy, qz, qw, ...more] = at.split(",").map((text) => (text.trim() ? Number(text) : Number.NaN));
   if (x === undefined || y === undefined || z === undefined || qw === undefined || more.length > 0) return null;

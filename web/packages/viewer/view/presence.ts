@@ -1,6 +1,6 @@
 /**
- * Whether anybody sees the viewer. Nothing is drawn or measured while the page is hidden, or the viewer scrolled out of
- * it; a viewer that stays hidden gives back its connection, its streams and its decoders.
+ * Whether the viewer is visible. Nothing is drawn or measured while the page is hidden, or the viewer scrolled out of
+ * it; a viewer that stays hidden gives up its connection, its streams and its decoders.
  */
 import { type ReadonlySignal, signal } from "@preact/signals";
 import { deferred } from "#client/async/deferred";
@@ -10,7 +10,7 @@ import { deferred } from "#client/async/deferred";
  * browser's report.
  */
 const ASLEEP_AFTER = 2000;
-/** A page hidden for longer than this is left, in milliseconds: whoever only looks something up goes on at once. */
+/** A page hidden for longer than this is left, in milliseconds: after a quick look at another page, the viewer continues at once. */
 export const LEFT_AFTER = 10_000;
 
 export class Presence {
@@ -21,7 +21,7 @@ export class Presence {
   readonly #listening = new AbortController();
   #away = false;
   #leaving: ReturnType<typeof setTimeout> | undefined;
-  /** It was hidden at some time since the last animation frame. */
+  /** Whether it was hidden at any time since the last animation frame. */
   #hidden: boolean;
   #frameAt: number | undefined;
 
@@ -47,12 +47,12 @@ export class Presence {
     return this.#visible;
   }
 
-  /** Hidden for some time, frozen, or kept by the browser for the back button. */
+  /** Whether the page has been hidden for some time, is frozen, or is kept for the back button. */
   get left(): ReadonlySignal<boolean> {
     return this.#left;
   }
 
-  /** The browser knows of no network; a server on this machine can answer all the same. */
+  /** Whether the browser has no network; a server on this machine can still answer. */
   get offline(): ReadonlySignal<boolean> {
     return this.#offline;
   }
@@ -68,7 +68,7 @@ export class Presence {
     this.#listening.abort();
   }
 
-  /** Once per animation frame: for how long the page was hidden since the last one, in milliseconds; usually 0. */
+  /** Called once per animation frame: how long the page was hidden since the last one, in milliseconds; usually 0. */
   gap(now: number): number {
     const since = now - (this.#frameAt ?? now);
     this.#frameAt = now;

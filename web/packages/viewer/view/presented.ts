@@ -1,26 +1,26 @@
 /** Phases and frames of every mode. */
 
-/** How a mode stands; `failed` waits for another setting. */
+/** State of a mode; `failed` waits for a change of settings. */
 export type SourcePhase =
   | { readonly kind: "connecting"; readonly message?: string }
-  | { readonly kind: "playing" /** Why the server refuses frames at the moment. */; readonly problem?: string }
+  | { readonly kind: "playing" /** Why the server currently refuses frames. */; readonly problem?: string }
   | { readonly kind: "lost"; readonly message: string }
   | { readonly kind: "failed"; readonly message: string };
 
 export type Side = "stateless" | "dash" | "webrtc" | "local";
 
-/** A frame on screen. */
+/** A frame on the screen. */
 export interface PresentedFrame {
   readonly side: Side;
-  /** When it was on the screen, on the page's own clock (performance.now), in milliseconds. */
+  /** Time when it was on the screen, on the page's own clock (performance.now), in milliseconds. */
   readonly at: number;
   /** Number of the pose at which its pixels were requested. */
   readonly pose: number;
   /** Number of the pose to which the page warped it; absent without a warp. */
   readonly view?: number;
-  /** The estimated share of the picture that the newest frame did not cover; left out where it was not turned. */
+  /** The estimated share of the picture that the newest frame did not cover; absent if it was not turned. */
   readonly filled?: number;
-  /** How long turning it kept the main thread, in milliseconds. */
+  /** Main thread's time to turn it, in milliseconds. */
   readonly warpMs?: number;
   /** Motion-to-photon latency of each pose change that it shows first, in milliseconds. */
   readonly latencies: readonly number[];
@@ -31,6 +31,6 @@ export interface PresentedFrame {
   /** Size in pixels after enhancement; absent without it. */
   readonly shownWidth?: number;
   readonly shownHeight?: number;
-  /** How long that took the graphics processor, in milliseconds. */
+  /** Graphics processor's time to enhance it, in milliseconds. */
   readonly enhanceMs?: number;
 }

@@ -1,6 +1,6 @@
 /**
- * The camera, its lens and where it stands: sampled once per animation frame, shown by every mode. Poses are numbered as they
- * change, so that any later frame can say which pose it shows.
+ * The camera, its lens and its pose: sampled once per animation frame, shown by every mode. Each changed pose gets a number,
+ * so that any later frame can name the pose that it shows.
  */
 
 import { computed, type ReadonlySignal, signal } from "@preact/signals";
@@ -24,17 +24,17 @@ import { type InputSample, isMoving, type Speeds, step, suggestedSpeed } from ".
 import { angleBetween, conjugate, rotate, type Vector3 } from "./vector";
 
 export interface NumberedPose extends ScenePose {
-  /** Grows by one with each change. */
+  /** Increases by one with each change. */
   readonly seq: number;
 }
 
-/** Where the camera is at a time (performance.now), in the scene's own frame; null when the source has ended. */
+/** The camera's pose at a time (performance.now), in the scene's own frame; null when the source has ended. */
 export type PoseSource = (now: number) => ScenePose | null;
 
 export interface RigOptions {
   /** Input since the last sample, the given number of milliseconds ago. */
   readonly sampleInput: (elapsed: number) => InputSample;
-  /** Degrees a second. */
+  /** Degrees per second. */
   readonly turnSpeed: () => number;
 }
 
@@ -44,13 +44,13 @@ const ORIGIN: NumberedPose = { seq: 0, position: [0, 0, 0], quaternion: [0, 0, 0
 
 export class Rig {
   readonly viewport = signal<Viewport>({ width: 1, height: 1 });
-  /** Intrinsics that a person set; the others follow the viewport. */
+  /** Intrinsics that the user set; the others follow the viewport. */
   readonly lens = signal<Partial<Intrinsics>>({});
   readonly intrinsics: ReadonlySignal<Intrinsics> = computed(() => ({
     ...defaultIntrinsics(this.viewport.value),
     ...this.lens.value,
   }));
-  /** Scene units a second. */
+  /** Scene units per second. */
   readonly moveSpeed = signal(1);
   readonly #options: RigOptions;
   readonly #samples = new Listeners<[pose: NumberedPose, at: number]>();
@@ -59,9 +59,9 @@ export class Rig {
   #scene: SceneInfo | undefined;
   #camera: Camera = { position: [0, 0, 0], azimuth: 0, elevation: 0 };
   readonly #source = signal<PoseSource | null>(null);
-  /** Input that would move the camera ends the source. */
+  /** Whether input that would move the camera ends the source. */
   #yields = false;
-  /** Pivot of the orbit in the levelled frame; null: a point straight ahead. */
+  /** Pivot of the orbit in the levelled frame; null for a point straight ahead. */
   #focus: Vector3 | null = null;
   /** A flight to a focus. */
   #flight: { readonly from: Camera; readonly to: Camera; at: number | null } | null = null;
@@ -88,7 +88,7 @@ export class Rig {
     return this.#changedAt;
   }
 
-  /** How fast the camera turned at the last sample, in degrees a second. */
+  /** How fast the camera turned at the last sample, in degrees per second. */
   get turning(): number {
     return this.#turning;
   }
@@ -103,26 +103,26 @@ export class Rig {
     return this.#source;
   }
 
-  /** Put the camera at a scene's start. */
+  /** Moves the camera to a scene's start. */
   enter(scene: SceneInfo): void {
     this.#scene = scene;
     this.resetCamera();
     this.moveSpeed.value = suggestedSpeed(viewDistance(scene));
   }
 
-  /** The scene is known better than when it was entered; the camera stays. */
+  /** Takes a more complete description of the entered scene; the camera stays. */
   update(scene: SceneInfo): void {
     const up = this.#scene?.up;
     this.#scene = scene;
     if (up && up.join() !== scene.up.join()) this.place(toScene(this.#camera, levelFor(up)));
   }
 
-  /** The person's camera goes back to the scene's start: a new pose, but no movement; a source keeps the pose meanwhile. */
+  /** Returns the user's camera to the scene's start: a new pose, but no movement; a source keeps the pose meanwhile. */
   resetCamera(): void {
     if (this.#scene) this.#cut(startCamera(this.#scene), this.#scene);
   }
 
-  /** The person's camera goes to a pose of the scene at once, upright. */
+  /** Moves the user's camera to a pose of the scene at once, upright. */
   place(pose: ScenePose): void {
     if (this.#scene) this.#cut(fromScene(pose, levelFor(this.#scene.up)), this.#scene);
   }
@@ -136,7 +136,7 @@ export class Rig {
   }
 
   /**
-   * Goes half way to a point of the scene's own frame and looks at it, at once or with a flight; drags then orbit that
+   * Goes halfway to a point of the scene's own frame and looks at it, at once or with a flight; drags then orbit that
    * point.
    */
   focus(point: Vector3, smooth: boolean): void {
@@ -146,7 +146,7 @@ export class Rig {
     this.#flight = { from: smooth ? this.#camera : to, to, at: null };
   }
 
-  /** The stage has this many CSS pixels. */
+  /** Resizes the stage to this many CSS pixels. */
   resize(width: number, height: number): void {
     if (width < 1 || height < 1) return;
     const next = viewportFor(width, height);
@@ -155,8 +155,8 @@ export class Rig {
   }
 
   /**
-   * Follow a source instead of a person, until it ends or, if it `yields`, the person moves the camera; null gives the
-   * person's camera back, which is where it was.
+   * Follows a source instead of the user, until it ends or, if it `yields`, the user moves the camera; null returns the
+   * camera to the user, where it was before.
    */
   drive(source: PoseSource | null, { yields = false } = {}): void {
     this.#placements++;
@@ -201,7 +201,7 @@ export class Rig {
   #walked({ axes, nudge }: InputSample, elapsed: number, now: number): ScenePose | null {
     if (!this.#scene) return null;
     const walked = step(this.#camera, axes, nudge, this.#speeds, elapsed, this.#pivot);
-    if (walked !== this.#camera) this.#flight = null; // the person knows better
+    if (walked !== this.#camera) this.#flight = null; // the user takes precedence
     this.#camera = this.#flown(now) ?? walked;
     return toScene(this.#camera, levelFor(this.#scene.up));
   }

@@ -11,7 +11,7 @@ const STILL_AFTER = 100;
 
 export interface Stalls {
   readonly count: number;
-  /** All of them together, in milliseconds. */
+  /** Total duration of all stalls, in milliseconds. */
   readonly time: number;
 }
 
@@ -21,7 +21,7 @@ export class StallDetector {
   #presentedAt = Number.NEGATIVE_INFINITY;
   #stalls = { count: 0, time: 0 };
 
-  /** Includes an ongoing stall at the given time. */
+  /** All stalls, including an ongoing one at the given time. */
   stalls(at: number): Stalls {
     const { count, time } = this.#stalls;
     const stood = this.#stood(at);
@@ -38,7 +38,7 @@ export class StallDetector {
     this.#presentedAt = at;
   }
 
-  /** For how long the picture has stood while the camera moved, in milliseconds. */
+  /** For how long the picture has stood still while the camera moved, in milliseconds. */
   #stood(at: number): number {
     const moving = this.#movingSince !== undefined && this.#movingSince <= this.#presentedAt;
     return moving ? Math.min(at, this.#movedAt) - this.#presentedAt : 0;

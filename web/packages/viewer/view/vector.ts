@@ -3,7 +3,7 @@
 /** Smaller angles count as no rotation, to avoid division by zero. */
 const NOTHING = 1e-12;
 
-/** The shorter rotation, for either sign of the quaternion. */
+/** The rotation vector of the shorter rotation, for either sign of the quaternion. */
 export function toRotationVector([x, y, z, w]: Quaternion): Vector3 {
   const sine = Math.hypot(x, y, z);
   if (sine < NOTHING) return [0, 0, 0];
@@ -61,7 +61,7 @@ export function rotationBetween(from: Vector3, to: Vector3): Quaternion {
   return [x / length, y / length, z / length, (1 + dot) / length];
 }
 
-/** How far apart two orientations are, in degrees. */
+/** Angle between two orientations, in degrees. */
 export function angleBetween(a: Quaternion, b: Quaternion): number {
   const [x, y, z, w] = multiply(conjugate(a), b);
   return (2 * Math.atan2(Math.hypot(x, y, z), Math.abs(w)) * 180) / Math.PI;

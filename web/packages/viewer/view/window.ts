@@ -11,7 +11,7 @@ export class TimeWindow {
   readonly #times: number[] = [];
   readonly #values: number[] = [];
 
-  /** `span` in milliseconds. */
+  /** `span` is in milliseconds. */
   constructor(span: number) {
     this.#span = span;
   }
@@ -37,7 +37,7 @@ export class TimeWindow {
     return this.#times.at(-1) ?? null;
   }
 
-  /** Entries a second, from the first that is remembered until now. */
+  /** Entries per second, from the first remembered one until now. */
   rate(now: number): number {
     this.#forget(now);
     const { length, 0: first } = this.#times;

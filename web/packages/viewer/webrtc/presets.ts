@@ -4,17 +4,17 @@ export const WEBRTC_STREAMS = ["h264-30", "vp8-30", "vp8-60"] as const;
 export type WebRtcStream = (typeof WEBRTC_STREAMS)[number];
 
 export interface WebRtcPlan {
-  /** As its MIME type has it, after `video/`. */
+  /** Codec name as in its MIME type, after `video/`. */
   readonly codec: "H264" | "VP8";
-  /** Frames a second. */
+  /** Frames per second. */
   readonly frameRate: 30 | 60;
 }
 
 /** Parameters of a new stream. */
 export interface WebRtcSetup extends WebRtcPlan {
-  /** The ladder's rung with the stream's size; null: the largest that fits into the viewport. */
+  /** The ladder's rung with the stream's size; null for the largest that fits into the viewport. */
   readonly rung: number | null;
-  /** The most that it may have; null: as much as the browser thinks that the link carries. */
+  /** Largest bit rate; null for the browser's estimate of the link. */
   readonly bitrateKbps: number | null;
 }
 

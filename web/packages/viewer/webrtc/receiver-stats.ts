@@ -1,6 +1,6 @@
 /** The browser's statistics of a video received over RTP, polled. */
 
-/** Numbers a video's frames by their RTP timestamps, which count 90,000 a second and begin anew after 2³²: 13 hours. */
+/** Numbers a video's frames by their RTP timestamps, which count 90,000 per second and wrap around after 2³²: 13 hours. */
 const RATE = 90_000;
 
 export class RtpFrames {
@@ -23,7 +23,7 @@ export class RtpFrames {
 }
 
 export interface ReceiverStats {
-  /** All bytes of the video's packets so far, their headers among them. */
+  /** All bytes of the video's packets so far, including headers. */
   readonly bytes: number;
   /** Mean time of recent frames in the jitter buffer in milliseconds; null before the first. */
   readonly jitterBuffer: number | null;
@@ -47,7 +47,7 @@ export class StatsReader {
   #emitted = 0;
   #jitterBuffer: number | null = null;
 
-  /** A report of `RTCPeerConnection.getStats`; null while there is no video in it. */
+  /** Reads a report of `RTCPeerConnection.getStats`; null while it contains no video. */
   read(report: Iterable<readonly [string, Inbound]>): ReceiverStats | null {
     const inbound = [...report].map(([, stats]) => stats).find(isVideo);
     if (inbound === undefined) return null;

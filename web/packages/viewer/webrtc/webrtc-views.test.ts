@@ -137,7 +137,7 @@ test("a pose that was lost is sent again, until a frame shows it", async () => {
   const sent = FakeConnection.last.channels.poses?.sent ?? [];
   const sequence = () => sent.map((text) => JSON.parse(text).seq);
   for (const seq of [6, 7]) stream.send({ seq, position: [0, 0, 0], quaternion: [0, 0, 0, 1] });
-  tell({ rtp_timestamp: 3000, pose: 6 }); // it may be on its way
+  tell({ rtp_timestamp: 3000, pose: 6 }); // it may be in flight
   expect(sequence()).toEqual([6, 7]);
   await vi.advanceTimersByTimeAsync(301);
   tell({ rtp_timestamp: 6000, pose: 6 });

@@ -9,7 +9,7 @@ import { CODEC_NAMES, type WebRtcPlan, type WebRtcSetup } from "./presets";
 import { type ReceiverStats, RtpFrames, StatsReader } from "./receiver-stats";
 
 export interface WebRtcSource {
-  /** Where the packager is. */
+  /** URL of the packager. */
   readonly base: string;
   readonly scene: string;
   readonly plan: WebRtcSetup;
@@ -17,7 +17,7 @@ export interface WebRtcSource {
 
 /** A stream that was left is closed after this long even if the packager does not answer, in milliseconds. */
 const CLOSED_WITHIN = 250;
-/** How long the packager may be unreachable before the stream is opened anew, in milliseconds. */
+/** How long the packager may be unreachable before the stream is reopened, in milliseconds. */
 const SILENT_FOR = 5000;
 const CONNECTED_WITHIN = 10_000;
 const STATS_EVERY = 250;
@@ -42,7 +42,7 @@ export function overWebRtc(source: WebRtcSource): OpenViews {
   };
 }
 
-/** A connection that is to receive a video. Raises StreamUnsupported. */
+/** A connection that receives a video. Throws StreamUnsupported. */
 function connect({ codec }: WebRtcPlan): RTCPeerConnection {
   const none = "This browser has no WebRTC, or it is turned off.";
   let connection: RTCPeerConnection;
@@ -63,10 +63,10 @@ function connect({ codec }: WebRtcPlan): RTCPeerConnection {
   return connection;
 }
 
-/** Frames are to wait as little as the browser allows before they are shown. */
+/** Makes frames wait as little as the browser allows before they are shown. */
 function showAtOnce(receiver: RTCRtpReceiver): void {
   if ("jitterBufferTarget" in receiver) receiver.jitterBufferTarget = 0;
-  else Object.assign(receiver, { playoutDelayHint: 0 }); // Chromium's before it was a standard
+  else Object.assign(receiver, { playoutDelayHint: 0 }); // Chromium's name before standardisation
 }
 
 /**
@@ -122,7 +122,7 @@ class WebRtcViews implements ViewStream {
     const { connection, frames, video, session } = opened;
     this.#numbers = new RtpFrames(session.frame_rate);
     video.srcObject = new MediaStream(connection.getReceivers().map(({ track }) => track));
-    void video.play().catch(() => undefined); // it was taken away meanwhile
+    void video.play().catch(() => undefined); // it has been removed meanwhile
     frames.addEventListener("message", this.#heard);
     frames.addEventListener("close", this.#interrupted);
     connection.addEventListener("connectionstatechange", this.#changed);
@@ -188,7 +188,7 @@ class WebRtcViews implements ViewStream {
     const message = JSON.parse(data) as SentFrame | { readonly type: string };
     if (!("pose" in message)) return;
     this.#opened.events.told(this.#numbers.number(message.rtp_timestamp), message.pose);
-    // It was lost, and while the camera rests there is no other that would take its place.
+    // It was lost, and while the camera rests, no other follows.
     const sent = this.#sent;
     if (sent && message.pose < sent.pose.seq && performance.now() - sent.at > REPEATED_AFTER) this.send(sent.pose);
   };
