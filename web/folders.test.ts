@@ -1,12 +1,12 @@
 /**
- * Packages import only those below them, and folders form no cycles, types included: each can be read without those above
- * it. Tests may import fakes besides.
+ * Packages import only those below them, and folders form no cycles, types included: each can be read without the ones
+ * above it. Tests may also import fakes.
  */
 import { alg, Graph } from "@dagrejs/graphlib";
 import { parseSync } from "vite";
 import { expect, test } from "vitest";
 
-/** All files by their paths, such as `./packages/viewer/view/rig.ts`. */
+/** All files by path, such as `./packages/viewer/view/rig.ts`. */
 const SOURCES = import.meta.glob<string>(["./{app,packages,tools}/**/*.{ts,tsx}"], {
   query: "?raw",
   import: "default",

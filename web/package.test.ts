@@ -1,5 +1,5 @@
 // @vitest-environment node
-/** The npm package, as another project gets it. */
+/** The npm package, as installed by another project. */
 import { spawnSync } from "node:child_process";
 import { mkdirSync, mkdtempSync, readdirSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
@@ -25,7 +25,7 @@ beforeAll(() => {
 
 afterAll(() => rmSync(project, { recursive: true }));
 
-/** A module of the package with all that it imports at once, not on demand. */
+/** A module of the package with everything that it imports statically. */
 function loaded(path: string, seen = new Set<string>()): Set<string> {
   if (seen.has(path)) return seen;
   seen.add(path);

@@ -15,7 +15,7 @@ export default defineConfig({
     outDir: "../services/render/tigas_render/static",
     emptyOutDir: true,
     modulePreload: { polyfill: false },
-    chunkSizeWarningLimit: 3500, // Anime4K's networks, which are loaded on demand as dash.js is
+    chunkSizeWarningLimit: 3500, // Anime4K's networks, which are loaded on demand like dash.js
   },
   worker: { format: "es" },
   server: {
@@ -26,9 +26,9 @@ export default defineConfig({
   test: {
     environment: "node",
     include: ["{app,packages,tools}/**/*.test.{ts,tsx}", "*.test.ts"],
-    maxWorkers: "100%", // vitest leaves a core idle
-    pool: "threads", // they start sooner than processes; each file has modules of its own all the same
+    maxWorkers: "100%", // by default, vitest leaves a core idle
+    pool: "threads", // threads start faster than processes; each file still has separate modules
     unstubGlobals: true, // before each test
-    testTimeout: 60_000, // ms: simulations take seconds, and more beside slow tests
+    testTimeout: 60_000, // ms: simulations take seconds, and longer next to slow tests
   },
 });

@@ -1,5 +1,5 @@
 // Builds the npm package @tigas/viewer: node scripts/build-package.mjs [FOLDER]
-// With --served only its modules, for the render service to send to pages of other origins, such as notebooks.
+// With --served, only its modules, which the render service sends to pages of other origins, such as notebooks.
 import { execFileSync } from "node:child_process";
 import { copyFileSync, mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
@@ -28,7 +28,7 @@ async function bundle() {
     configFile: false,
     logLevel: "warn",
     plugins: [inlineWorkers(), ...(values.served ? [compress()] : [])],
-    // Only the page draws with Preact, of which @preact/signals would be a part.
+    // Only the page uses Preact, which @preact/signals would pull in.
     resolve: { tsconfigPaths: true, alias: { "@preact/signals": "@preact/signals-core" } },
     worker: { format: "es" },
     build: {
@@ -46,7 +46,7 @@ async function bundle() {
   });
 }
 
-/** A plugin of Vite: workers are part of the code, since browsers refuse those of another origin. */
+/** A Vite plugin that inlines workers, since browsers refuse workers of another origin. */
 function inlineWorkers() {
   const started = /new Worker\(\s*new URL\(("[^"]+"), import\.meta\.url\),/g;
   return {

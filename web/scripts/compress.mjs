@@ -1,13 +1,13 @@
-/** A part of the build: each text of it once more in brotli and gzip, for a server that sends what was compressed ahead. */
+/** Compresses every text file of the build with brotli and gzip, for a server that sends precompressed files. */
 import { readdirSync, readFileSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
 import { brotliCompressSync, constants, gzipSync } from "node:zlib";
 
 const TEXTS = /\.(css|html|js|svg)$/;
-/** A twentieth of the time of the best quality, for a few per cent more bytes. */
+/** Takes a twentieth of the time of the best quality, for a few per cent more bytes. */
 const QUALITY = 9;
 
-/** A plugin of Vite. */
+/** The Vite plugin. */
 export function compress() {
   let folder;
   return {

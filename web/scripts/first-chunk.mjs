@@ -1,6 +1,6 @@
 /**
- * A plugin for Vite that puts everything the first screen needs into one chunk, and fails the build if it grows beyond
- * its budget. All else is loaded on demand, by dynamic imports.
+ * A Vite plugin that puts everything the first screen needs into one chunk, and fails the build if the chunk exceeds its
+ * budget. Everything else is loaded on demand, by dynamic imports.
  */
 import { brotliCompressSync } from "node:zlib";
 

@@ -1,4 +1,4 @@
-// Regenerates from the Python wire types their TypeScript and their tables in docs/protocol.md; with --check it only says whether
+// Regenerates the TypeScript and the tables of docs/protocol.md from the Python wire types; with --check, only reports whether
 // they are up to date.
 import { execFileSync } from "node:child_process";
 import { existsSync, readFileSync, writeFileSync } from "node:fs";
@@ -16,7 +16,7 @@ const DEFINITION = /(?:\/\*\*\n(?: \*.*\n)+)?export (?:interface|type) (\w+)(?: 
 const venv = fileURLToPath(new URL("../../.venv/bin/python", import.meta.url));
 const python = process.env.PYTHON ?? (existsSync(venv) ? venv : "python3");
 
-/** The module that defines a type, by its definition. */
+/** The module that defines a type, by the type's definition. */
 const homes = new Map();
 for (const [name, owner] of Object.entries(NAMES)) {
   const generated = await compile(schemaOf(name, owner), name, { additionalProperties: false, bannerComment: "" });
@@ -46,7 +46,7 @@ function keep(file, generated) {
   }
 }
 
-/** The definitions of a module; those that an earlier one has are imported from there. */
+/** The definitions of a module; definitions of earlier modules are imported from there. */
 function definitionsOf(generated, name) {
   const plain = generated
     .replace(/export interface Messages {.*?\n}\n/s, "")

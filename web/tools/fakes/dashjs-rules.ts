@@ -1,13 +1,13 @@
 /**
- * dash.js's own LoL+ and L2A, for tests: the published rules, which ask stand-ins for the player. They keep their state to
- * themselves: LoL+'s is read where it hands it to its weight selector, L2A's where it passes through Math.max.
+ * dash.js's own LoL+ and L2A, for tests: the published rules, with stand-ins for the player. Their state is private: LoL+'s is
+ * read where it is passed to its weight selector, L2A's where it passes through Math.max.
  */
 import { vi } from "vitest";
 
 export interface Segment {
   /** Bits per second, before any safety margin. */
   readonly throughput: number;
-  /** Seconds. */
+  /** Duration in seconds. */
   readonly buffer: number;
   readonly latency: number;
 }
@@ -42,13 +42,13 @@ async function load(): Promise<FactoryMaker> {
   vi.stubGlobal("dashjs", page);
   await import("dashjs");
   vi.unstubAllGlobals();
-  if (page.FactoryMaker === undefined) throw new Error("dash.js keeps its factories elsewhere now.");
+  if (page.FactoryMaker === undefined) throw new Error("dash.js now keeps its factories elsewhere.");
   return page.FactoryMaker;
 }
 
 const factories = await load();
 
-/** A player that plays these bitrates (bits per second, the lowest first), as much of it as the rules ask. */
+/** A player that plays these bitrates (bits per second, the lowest first), as far as the rules need it. */
 class Player {
   readonly context = {};
   readonly representations: readonly Representation[];
@@ -56,7 +56,7 @@ class Player {
   segment: Segment = { throughput: Number.NaN, buffer: 0, latency: 0 };
   #requests = 0;
 
-  /** `unit`: bits per unit of the manifest's `bandwidth`; 1 as in dash.js. */
+  /** `unit` is the number of bits per unit of the manifest's `bandwidth`; 1 as in dash.js. */
   constructor(bitrates: readonly number[], unit = 1) {
     this.representations = bitrates.map((bitrate, i) => ({
       id: String(i),
@@ -152,7 +152,7 @@ export class DashLolp {
     this.#rule = maker.getClassFactoryByName("LoLPRule")(context).create(config);
   }
 
-  /** dash.js draws its first weights from Math.random, which is `random` at its first segment. */
+  /** dash.js draws its first weights from Math.random, which is replaced by `random` for its first segment. */
   static async create(bitrates: readonly number[], safety: number): Promise<DashLolp> {
     return new DashLolp(factories, bitrates, safety);
   }
@@ -172,7 +172,7 @@ export class DashL2a {
   readonly #rule: Rule;
   #loaded: (event: object) => void = () => undefined;
   readonly #safety: number;
-  /** After the last segment in the steady state. */
+  /** The state after the last segment in the steady state. */
   w: readonly number[] = [];
   q = Number.NaN;
 
@@ -185,7 +185,7 @@ export class DashL2a {
     };
     maker.setSingletonInstance(context, "EventBus", { on, off: () => undefined });
     this.#rule = maker.getClassFactoryByName("L2ARule")(context).create(config);
-    this.#player.ask(this.#rule, { throughput: Number.NaN, buffer: 0, latency: 0 }, safety); // makes its state
+    this.#player.ask(this.#rule, { throughput: Number.NaN, buffer: 0, latency: 0 }, safety); // creates its state
   }
 
   static async create(bitrates: readonly number[], safety: number, unit: number): Promise<DashL2a> {
@@ -202,7 +202,7 @@ export class DashL2a {
     const values = max.mock.results.map(({ value }) => value as number);
     max.mockRestore();
     if (values.length > 0) {
-      // The step size, all of w, Q, and Q anew after an overestimate.
+      // The step size, all of w, Q, and the new Q after an overestimate.
       this.w = values.slice(1, 1 + representations.length);
       const [q = Number.NaN, least] = values.slice(1 + representations.length);
       this.q = least === undefined ? q : 2 * least;

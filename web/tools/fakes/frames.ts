@@ -1,4 +1,4 @@
-/** Frames as the server writes them, for tests: whole, in datagrams, and with a depth. */
+/** Frames in the server's format, for tests: whole, in datagrams, and with a depth. */
 
 export function frameBytes(header: object, body: Uint8Array<ArrayBuffer>): Uint8Array<ArrayBuffer> {
   const json = new TextEncoder().encode(JSON.stringify(header));
@@ -20,7 +20,7 @@ export function fragment(seq: number, index: number, count: number, part: Uint8A
   return datagram;
 }
 
-/** A frame's datagrams with parts of this size, as the server cuts them. */
+/** A frame's datagrams with parts of this size, split like the server's. */
 export function fragments(seq: number, whole: Uint8Array, size: number): Uint8Array<ArrayBuffer>[] {
   const count = Math.max(1, Math.ceil(whole.length / size));
   return Array.from({ length: count }, (_, i) => fragment(seq, i, count, whole.subarray(i * size, (i + 1) * size)));
@@ -41,7 +41,7 @@ export function jpegWithDepth(nearest: number, image: Uint8Array): Uint8Array<Ar
 }
 
 export function webpWithDepth(nearest: number, image: Uint8Array): Uint8Array<ArrayBuffer> {
-  const picture = 11; // bytes, and one more that makes them even
+  const picture = 11; // bytes, padded to an even number
   const length = 4 + image.length;
   const webp = new Uint8Array(12 + 8 + picture + 1 + 8 + length + (length % 2));
   const view = new DataView(webp.buffer);

@@ -6,9 +6,9 @@ export interface ObservationOptions {
   readonly bytes?: number;
   /** Request to last byte, in milliseconds. */
   readonly response?: number;
-  /** Bits per second; null: not known yet. */
+  /** Bits per second; null while unknown. */
   readonly throughput?: number | null;
-  /** All in rendering, in milliseconds. */
+  /** Server time, all of it rendering, in milliseconds. */
   readonly server?: number;
   readonly turning?: number;
   readonly way?: Way;

@@ -1,7 +1,7 @@
 /** A private file system in memory, for tests: with a size limit and exclusive handles. */
 
 export class FakeDisk {
-  /** Bytes that still fit. */
+  /** Free space in bytes. */
   room = Number.POSITIVE_INFINITY;
   readonly root = new FakeFolder(this);
 

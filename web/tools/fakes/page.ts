@@ -4,13 +4,13 @@ import { vi } from "vitest";
 import type { Connected } from "#client/transport/connect";
 import { FakeTransport, settle } from "./transport";
 
-/** Does nothing: transports are fake. */
+/** A worker that does nothing, as transports are fake. */
 class FakeWorker {
   postMessage(): void {}
   terminate(): void {}
 }
 
-/** Every observed element has the size of a stage at once. */
+/** Reports the size of a stage at once for every observed element. */
 class LaidOut {
   readonly #changed: () => void;
   constructor(changed: () => void) {
@@ -54,7 +54,7 @@ export class FakePage {
     return this.transports.flatMap(({ requests }) => requests.map(({ request }) => request));
   }
 
-  /** Animation frames at 50 Hz; the server answers all requests if `answer`. */
+  /** Runs animation frames at 50 Hz; the server answers all requests if `answer`. */
   async frames(count: number, { answer = true } = {}): Promise<void> {
     for (let i = 0; i < count; i++) {
       this.now += 20;

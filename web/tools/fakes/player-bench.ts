@@ -25,7 +25,7 @@ const SIZE = { width: 1280, height: 720 };
 
 export class PlayerBench {
   now = 1000;
-  /** How many animation frames the display shows in a second. */
+  /** Animation frames of the display per second. */
   rate = 60;
   axes = STILL;
   profile = 0;
@@ -49,11 +49,11 @@ export class PlayerBench {
   transport!: FakeTransport;
   readonly rig = steeredRig(() => this.axes);
   readonly reprojector: Reprojector<Pictured>;
-  /** The reprojector's, once it is on. */
+  /** The reprojector's warp, once it is on. */
   warp!: FakeWarp;
   readonly player: StatelessPlayer;
 
-  /** `undecodable`: why this browser cannot decode video. */
+  /** `undecodable` is the reason why this browser cannot decode video. */
   constructor(display?: Display<DecodedFrame>, undecodable: string | null = null) {
     vi.spyOn(performance, "now").mockImplementation(() => this.now);
     const { videoDecoder } = this;
@@ -93,7 +93,7 @@ export class PlayerBench {
     this.rig.resize(width, height);
   }
 
-  /** Connects to a server without known figures. */
+  /** Connects to a server, with unknown figures. */
   connect(): void {
     this.transport = new FakeTransport(() => this.now, { kind: "webtransport-streams" });
     this.player.attach({ transport: this.transport, fallback: null, host: null });

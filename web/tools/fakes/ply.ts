@@ -1,4 +1,4 @@
-/** A compressed PLY for tests: its bytes count up, so that it shows which of them were kept. */
+/** A compressed PLY for tests; its bytes count up, to show which of them were kept. */
 export function compressedPly(gaussians: number, shDegree: 0 | 1 = 1): Uint8Array<ArrayBuffer> {
   const sh = Array.from({ length: 9 }, (_, i) => `f_rest_${i}`);
   return ply([

@@ -22,7 +22,7 @@ import { page, settings } from "../../app/state/app";
 import { STILL, steeredRig } from "./rig";
 import { COURTYARD } from "./server";
 
-/** What a walk came to on one side. */
+/** The result of a walk on one side. */
 export const WALKED_SIDE: WalkedSide = {
   inputs: 600,
   contentAge: 60,
@@ -55,7 +55,7 @@ function fakeSource<Of extends SourceStats>(phase: SourcePhase, stats: Of): Fake
   };
 }
 
-/** Single pictures, with an enhancement that does nothing but count how often it is renewed. */
+/** Single pictures, with an enhancement that only counts how often it is renewed. */
 export function fakePictures(stats: Partial<Stats> = {}) {
   const status = signal<EnhancementStatus>({ kind: "off" });
   const enhancement = {
@@ -115,7 +115,7 @@ export function fakeSession() {
     movement: new MovementDeck(rig),
     left,
     right,
-    /** The source that the left side begins with. */
+    /** The first source of the left side. */
     pictures,
     source: left.source,
     sources: computed(() => [left, right.value].flatMap((side) => side?.source.value ?? [])),

@@ -83,7 +83,7 @@ export class FakeTransport implements FrameTransport {
     this.closed = true;
   }
 
-  /** As a server that encodes the frames of a video in the order in which they are answered. */
+  /** Answers like a server that encodes the frames of a video in the order of its answers. */
   #videoInfo({ video, seq = 0 }: RenderRequest): VideoInfo | null {
     if (!video) return null;
     const key = video.key === true || this.#encoded === null;
@@ -93,7 +93,7 @@ export class FakeTransport implements FrameTransport {
   }
 }
 
-/** Of a frame that has margins. Rungs are as large as the viewport. */
+/** The header of a frame with margins. Rungs are as large as the viewport. */
 function extent({ width, height, overscan = 0, profile = null }: RenderRequest): Partial<FrameHeader> {
   if (overscan === 0) return { width, height, profile };
   const margin_x = Math.round(width * overscan);
@@ -108,7 +108,7 @@ export async function settle(): Promise<void> {
 
 const later = globalThis.setTimeout;
 
-/** Lets streams and parts of the page proceed that are loaded on demand; works with fake timers. */
+/** Lets streams and lazily loaded parts of the page proceed; works with fake timers. */
 export function turn(): Promise<void> {
   return new Promise((resolve) => later(resolve, 0));
 }

@@ -1,9 +1,9 @@
-/** In place of the viewer's session module: a session that the test has made, instead of one that connects. */
+/** Replaces the viewer's session module with a session made by the test, which does not connect. */
 export const visit = { next: {} as object };
 
 export class ViewerSession {
   constructor() {
-    // biome-ignore lint/correctness/noConstructorReturn: the test's own session
+    // biome-ignore lint/correctness/noConstructorReturn: the test's session
     return visit.next;
   }
 }

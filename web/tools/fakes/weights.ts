@@ -1,4 +1,4 @@
-/** Files of weights for tests, sound and not. */
+/** Valid and invalid files of weights, for tests. */
 import type { Rung } from "#client/wire/render";
 
 export type Header = Record<string, unknown> & {
@@ -14,7 +14,7 @@ export const LADDER: Rung[] = [
 export const ONE = { rung: 1, width: 32, height: 18, quality: 35, scale: 2, layers: 2, channels: 4, gain_db: 1.2 };
 export const OTHER = { rung: 2, width: 16, height: 9, quality: 10, scale: 1, layers: 3, channels: 8, gain_db: null };
 
-/** Writes a file of such networks; every weight is `half`. */
+/** Makes a file of these networks, with every weight `half`. */
 export function weights(
   networks: readonly (typeof ONE | typeof OTHER)[],
   half = 0x3800,

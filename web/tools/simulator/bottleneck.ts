@@ -10,14 +10,14 @@ import type { NetworkTrace } from "./trace";
 
 /** Time to drain a full queue at the trace's mean rate, in milliseconds. */
 export const QUEUE_MS = 150;
-/** A queue never holds less, in bytes: eight full packets. */
+/** The smallest capacity of a queue, in bytes: eight full packets. */
 const MIN_QUEUE = 8 * 1514;
 
 export class Bottleneck {
   readonly #capacity: Capacity;
   readonly #departures: Capacity;
   readonly #limit: number;
-  /** When C has this value, in bits, everything is through. */
+  /** The value of C, in bits, at which everything has been sent. */
   #through = 0;
 
   constructor(trace: NetworkTrace, direction: "down_kbps" | "up_kbps") {
@@ -35,13 +35,13 @@ export class Bottleneck {
     return this.#departures.reached(this.#through);
   }
 
-  /** When all that is queued will have left. */
+  /** The time when everything queued will have left. */
   get drained(): number {
     return this.#departures.reached(this.#through);
   }
 }
 
-/** The integral of a trace's rate, and its inverse; both for arguments that never fall. */
+/** The integral of a trace's rate, and its inverse; both for arguments that never decrease. */
 class Capacity {
   readonly #starts: readonly number[];
   readonly #rates: readonly number[];

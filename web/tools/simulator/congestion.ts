@@ -1,18 +1,18 @@
 /**
  * Congestion control and pacing of one QUIC connection, as in the render service
  * (services/render/tigas_render/transport): NewReno (RFC 9002, appendix B) that leaves slow start when round trips
- * grow, with a window that grows only for packets sent while it was full, and falls no lower than the path's capacity; and a
+ * grow, with a window that only grows for packets sent while it was full, and never falls below the path's capacity; and a
  * pacer of 1.25 windows per round trip in ticks of a millisecond.
  */
 
-/** Bytes of a full packet's UDP payload. */
+/** Bytes of UDP payload in a full packet. */
 export const PACKET = 1452;
 const INITIAL_WINDOW = 10 * PACKET;
 const MIN_WINDOW = 2 * PACKET;
 
 export interface Packet {
   readonly number: number;
-  /** Of the UDP payload. */
+  /** Bytes of UDP payload. */
   readonly bytes: number;
   readonly sentAt: number;
 }
@@ -54,7 +54,7 @@ export class NewReno {
     }
   }
 
-  /** `shrinks`: whether the window does. */
+  /** `shrinks` says whether the window does. */
   lost({ bytes, sentAt }: Packet, now: number, shrinks = true): void {
     this.#inFlight -= bytes;
     if (sentAt <= this.#recoverySince) return;
@@ -64,13 +64,13 @@ export class NewReno {
     this.#threshold = this.#window;
   }
 
-  /** Sets a larger window than that after a loss. */
+  /** Sets a window larger than the one after a loss. */
   keep(window: number): void {
     this.#window = Math.max(this.#window, window);
     this.#threshold = this.#window;
   }
 
-  /** A round trip was measured. */
+  /** Records a measured round trip. */
   measured(roundTrip: number, now: number): void {
     if (this.#threshold === null && this.#trips.growing(roundTrip, now)) this.#threshold = this.#window;
   }
@@ -92,13 +92,13 @@ interface Sample {
 }
 
 /**
- * NewReno that tolerates random loss (westwood.py): its window falls to bandwidth · least round trip or to half, and not at
+ * NewReno that tolerates random loss (westwood.py): its window falls to bandwidth · minimum round trip or to half, and not at
  * all without a queue.
  */
 export class Westwood {
   readonly #reno = new NewReno();
   readonly #bandwidth = new Greatest(BANDWIDTH_MS);
-  /** Negative round trips. */
+  /** The minimum round trip, as the maximum of negative ones. */
   readonly #shortest = new Greatest(ROUND_TRIP_MS);
   readonly #samples = new Map<number, Sample>();
   #delivered = 0;
@@ -154,7 +154,7 @@ export class Westwood {
     this.#reno.keep(Math.min(before, Math.floor(bandwidth * -shortest)));
   }
 
-  /** Whether data is worth sending twice: packets were lost lately, though the path has no queue. */
+  /** Whether data is worth sending twice: packets were lost recently although the path has no queue. */
   wantsCopies(now: number): boolean {
     return now - this.#lostAt < LOSSY_MS && !this.#queue && !this.#congested;
   }
@@ -168,7 +168,7 @@ export class Westwood {
     return this.#acknowledged > LEAST_PACKETS && this.#lost > MOST_LOSS * this.#acknowledged;
   }
 
-  /** A round trip was measured; `delay`: how much of it the page held the acknowledgement. */
+  /** Records a measured round trip; `delay` is how long the page held the acknowledgement. */
   measured(roundTrip: number, now: number, delay = 0): void {
     this.#roundTrip = roundTrip - delay;
     this.#shortest.add(-roundTrip, now);
@@ -176,7 +176,7 @@ export class Westwood {
   }
 }
 
-/** The greatest value of the last milliseconds. */
+/** The maximum of the values of the last milliseconds. */
 class Greatest {
   readonly #span: number;
   readonly #values: { readonly at: number; readonly value: number }[] = [];
@@ -196,7 +196,7 @@ class Greatest {
   }
 }
 
-/** Whether the round trip grows (aioquic's QuicRttMonitor): the least of five has been a quarter above the best, five times. */
+/** Whether the round trip grows (aioquic's QuicRttMonitor): the minimum of five has been a quarter above the best, five times. */
 class RoundTrips {
   static readonly SIZE = 5;
   #samples: number[] = [];
@@ -236,7 +236,7 @@ export class Pacer {
     this.#credit = Math.min(this.#credit, this.#most);
   }
 
-  /** When the next packet may leave: now, or later. */
+  /** Earliest time at which the next packet may leave. */
   next(now: number): number {
     this.#credit = Math.min(this.#credit + now - this.#at, this.#most);
     this.#at = now;

@@ -38,7 +38,7 @@ const TUNABLE: Readonly<Record<string, Tunable>> = {
   l2a: tunable({ ...L2A }, (parameters) => (context) => new L2aController(context, parameters)),
 };
 
-/** Throws an Error with one sentence if there is no such controller. */
+/** Throws an Error with one sentence if the controller is unknown. */
 export function controllerFactory(name: string): ControllerFactory {
   if (isControllerName(name)) return CONTROLLERS[name].create;
   const [kind = "", text = ""] = name.split(/[:@]/);

@@ -9,7 +9,7 @@ export function cut(trace: NetworkTrace, start: number, duration: number): Netwo
 }
 
 export interface Segment {
-  /** Of the trace. */
+  /** Name of the trace. */
   readonly name: string;
   /** Milliseconds from its beginning. */
   readonly start: number;

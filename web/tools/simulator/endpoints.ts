@@ -11,15 +11,15 @@ export interface Endpoints {
   /** The server's milliseconds to render a frame of a rung, and to encode it. */
   render(rung: number): number;
   encode(rung: number): number;
-  /** Bytes of a frame of a rung at a time; times never go back. */
+  /** Bytes of a frame of a rung at a time; times never decrease. */
   bytes(rung: number, now: number): number;
   /** Time at which the page sees a packet that arrives now. */
   heard(now: number): number;
   /** The page's milliseconds to decode a frame of a rung. */
   decode(rung: number): number;
-  /** When the page's animation frame after `now` comes. */
+  /** Time of the page's first animation frame after `now`. */
   nextAnimationFrame(now: number): number;
-  /** Degrees per second at a time; times never go back. */
+  /** Turning speed at a time, in degrees per second; times never decrease. */
   turning(now: number): number;
 }
 
@@ -27,7 +27,7 @@ export const ANIMATION_FRAME = 1000 / 60;
 /** The paper's server, an RTX 2060 Super: rasterising takes 11 ms, encoding the best rung up to 1 ms. */
 const PAPER_RENDER = 11;
 const ENCODE = 1;
-/** A frame takes this much more or less to render, at most. */
+/** Largest relative deviation of a frame's rendering time. */
 const RENDER_VARIATION = 0.15;
 const DECODE = 4;
 /** Standard deviation of a frame's size across views, and the correlation time of a view (ms). */
@@ -77,13 +77,13 @@ export class PaperEndpoints implements Endpoints {
     return ENCODE * this.#sizeOf(rung);
   }
 
-  /** Its pixels, as a share of the best rung's. */
+  /** A rung's pixels, as a share of the best rung's. */
   #sizeOf(rung: number): number {
     const [own, best] = [this.#ladder[rung], this.#ladder[0]];
     return own && best ? (own.width * own.height) / (best.width * best.height) : 1;
   }
 
-  /** The ladder's size times how rich in detail the view is: a Gaussian process that wanders as views do. */
+  /** The ladder's size times the view's richness in detail, a Gaussian process that drifts as views do. */
   bytes(rung: number, now: number): number {
     const kept = Math.exp((this.#richnessAt - now) / SIZE_MEMORY);
     this.#richness = kept * this.#richness + Math.sqrt(1 - kept ** 2) * normal(this.#random);

@@ -6,14 +6,14 @@ interface Event {
   readonly run: () => void;
 }
 
-/** Longer than any chain of promises that an event sets off. */
+/** More than any chain of promises that an event triggers. */
 const TURNS = 16;
 
 export class EventLoop {
   #now = 0;
   #order = 0;
   #awaited = false;
-  /** A binary heap: the earliest first, of equal ones the oldest. */
+  /** A binary heap: earliest first, then oldest first. */
   readonly #heap: Event[] = [];
 
   /** Milliseconds since the start. */

@@ -1,4 +1,4 @@
-/** How the simulated camera turns: as somebody's head did. */
+/** The turns of the simulated camera, from recorded head movement. */
 import { poseAt, type TimedPose } from "#viewer/movement/movement";
 import { angleBetween } from "#viewer/view/vector";
 
@@ -10,19 +10,19 @@ export class Head {
   readonly #start: number;
   readonly #duration: number;
 
-  /** A movement from the given milliseconds on, repeated at its end. */
+  /** A movement from a time in milliseconds on, repeated at its end. */
   constructor(points: readonly TimedPose[], start: number) {
     this.#points = points;
     this.#start = start;
     this.#duration = Math.max(1, points.at(-1)?.t_ms ?? 0);
   }
 
-  /** Degrees per second at a time. */
+  /** Turning speed at a time, in degrees per second. */
   speed(now: number): number {
     return (this.turned(now - SPAN, now) * 1000) / SPAN;
   }
 
-  /** How far the view of one time is turned against that of another, in degrees. */
+  /** Angle between the views of two times, in degrees. */
   turned(from: number, to: number): number {
     return angleBetween(this.#at(from), this.#at(to));
   }

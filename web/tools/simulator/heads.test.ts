@@ -9,7 +9,7 @@ import { PaperEndpoints } from "./endpoints";
 import { type HeadOptions, type Visit, visit } from "./heads";
 import { parseTrace } from "./trace";
 
-/** Looks to and fro, 80° to each side and back every two seconds. */
+/** Looks back and forth, 80° to each side and back every two seconds. */
 const POINTS: readonly TimedPose[] = Array.from({ length: 121 }, (_, i) => ({
   t_ms: i * 50,
   position: [0, 0, -4],
@@ -72,7 +72,7 @@ test("on a link that takes a second for a picture, a moment of rest leaves nothi
   expect(never).toBeLessThan(0.002);
 });
 
-// The rungs of another visit: any small delay would lead Seen to other rungs from then on, better or worse by chance.
+// The rungs of another visit: any small delay would lead Seen to different rungs from then on, better or worse by chance.
 test.each([1000, 4000, 20_000])(
   "at Seen's rungs a surround hardly delays the view's frames at %i kbit/s",
   async (kbps) => {

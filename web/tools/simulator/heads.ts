@@ -29,26 +29,26 @@ export interface HeadOptions {
   readonly controller: ControllerFactory;
   readonly trace: NetworkTrace;
   readonly ladder: readonly Rung[];
-  /** Milliseconds, there and back. */
+  /** Round trip in milliseconds. */
   readonly roundTrip: number;
   readonly endpoints: Endpoints;
-  /** In metres, from the start camera; times in milliseconds, from where it is played. */
+  /** The movement in metres, from the start camera; times are in milliseconds since the start of playback. */
   readonly points: readonly TimedPose[];
-  /** How long the viewer stands at the first pose, and then moves, in milliseconds. */
+  /** Times for which the viewer stands at the first pose, and then moves, in milliseconds. */
   readonly warmUp: number;
   readonly duration: number;
   readonly surround: boolean;
   readonly seed: number;
 }
 
-/** Of the time in which the viewer moves. */
+/** Figures for the time in which the viewer moves. */
 export interface Visit {
   /** Mean share of the picture that was never rendered. */
   readonly never: number;
-  /** Mean milliseconds from a frame's request to its last byte. */
+  /** Mean time from a frame's request to its last byte, in milliseconds. */
   readonly response: number;
   readonly framesPerSecond: number;
-  /** Megabits a second of the surround. */
+  /** Bit rate of the surround, in megabits per second. */
   readonly aside: number;
 }
 

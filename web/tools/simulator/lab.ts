@@ -1,4 +1,4 @@
-/** Runs of the lab in the simulator: the same link, head movement and controller, with the server and page of the run. */
+/** Repeats runs of the lab in the simulator, with the same link, head movement and controller, and the run's server and page. */
 import type { ControllerFactory } from "#client/abr/controller";
 import { firstOffered, offering } from "#client/abr/ladder";
 import { seeded } from "#client/abr/random";
@@ -13,35 +13,35 @@ import type { LinkState, NetworkTrace } from "./trace";
 export interface LabFrame {
   readonly rung: number;
   readonly bytes: number;
-  /** The server's milliseconds. */
+  /** Server times in milliseconds. */
   readonly render: number;
   readonly encode: number;
 }
 
-/** A run of an experiment, as its folder and the report's table have it. */
+/** A run of an experiment, from its folder and the report's table. */
 export interface LabRun {
   readonly network: string;
-  /** Milliseconds, there and back. */
+  /** Round trip in milliseconds. */
   readonly roundTrip: number;
-  /** The settings of a link that does not change. */
+  /** Settings of a constant link. */
   readonly constant?: Pick<LinkState, "up_kbps" | "jitter_ms" | "loss_pct"> | null;
   readonly controller: string;
-  /** Of the viewport. */
+  /** Size of the viewport. */
   readonly pixels: number;
   readonly seed: number;
-  /** Milliseconds. */
+  /** Duration in milliseconds. */
   readonly duration: number;
   readonly displayInterval: number | null;
   readonly ladder: readonly Rung[];
   readonly frames: readonly LabFrame[];
-  /** The link's rate downwards from a time on, in milliseconds and kbit/s. */
+  /** Downlink rates in kbit/s, with their start times in milliseconds. */
   readonly link: readonly { readonly at: number; readonly target_kbps: number }[];
   readonly points: readonly TimedPose[];
   /** The figures of `PAIRS`, by name. */
   readonly figures: Readonly<Record<string, number>>;
 }
 
-/** Figures that both have: the report's name, and the simulator's value in the same unit. */
+/** Figures of both: the report's name, and the simulator's value in the same unit. */
 export const PAIRS: readonly (readonly [name: string, title: string, value: (figures: Figures) => number])[] = [
   ["inputs_within_108ms_pct", "poses within 108 ms, %", ({ inTime }) => 100 * inTime],
   ["motion_to_photon_p50_ms", "motion to photon p50, ms", ({ photonP50 }) => photonP50],
@@ -55,7 +55,7 @@ export const PAIRS: readonly (readonly [name: string, title: string, value: (fig
   ["received_mbit_s", "Mbit/s", ({ bandwidth }) => bandwidth],
 ];
 
-/** The server and page of measured runs: times and sizes are drawn from the frames of the same rung, or the nearest. */
+/** The server and page of measured runs: times and sizes are drawn from frames of the same or the nearest rung. */
 export class MeasuredEndpoints extends PaperEndpoints implements Endpoints {
   readonly #random: () => number;
   readonly #interval: number;
@@ -129,7 +129,7 @@ export interface Agreement {
   readonly controllers: number;
 }
 
-/** How far the simulated figures of runs are from the lab's. */
+/** Compares the simulated figures of runs with the lab's. */
 export function agreement(runs: readonly (LabRun & { readonly simulated: Figures })[]): Agreement[] {
   return PAIRS.map(([name, title, value]) => {
     const pairs = runs.map((run) => ({ ...run, lab: run.figures[name] ?? Number.NaN, other: value(run.simulated) }));
@@ -151,12 +151,12 @@ export function agreement(runs: readonly (LabRun & { readonly simulated: Figures
         usable.map(({ lab }) => lab),
         usable.map(({ other }) => other),
       ),
-      controllers: mean(ranks.filter(Number.isFinite)), // without conditions in which all are equal
+      controllers: mean(ranks.filter(Number.isFinite)), // excluding conditions with only equal values
     };
   });
 }
 
-/** Network and round trip: the server is busier in some than in others. */
+/** The condition, network and round trip: the server is busier in some than in others. */
 export const conditionOf = ({ network, roundTrip }: LabRun) => `${network} ${roundTrip}`;
 
 function grouped<T>(items: readonly T[], key: (item: T) => string): T[][] {

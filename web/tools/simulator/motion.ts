@@ -2,7 +2,7 @@
 
 const LOOKING = 30;
 const QUICK = 150;
-/** A quick turn lasts half a second, and comes every six on average (milliseconds). */
+/** A quick turn lasts half a second, and follows every six seconds on average (milliseconds). */
 const TURN = 500;
 const EVERY = 6000;
 
@@ -15,7 +15,7 @@ export class Motion {
     this.#random = random;
   }
 
-  /** Degrees per second at a time; times never go back. */
+  /** Turning speed at a time, in degrees per second; times never decrease. */
   speed(now: number): number {
     const elapsed = now - this.#at;
     this.#at = now;

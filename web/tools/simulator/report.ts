@@ -5,7 +5,7 @@ import type { Figures } from "./tally";
 export interface Run {
   readonly trace: string;
   readonly controller: string;
-  /** Milliseconds; null: the trace's own delay. */
+  /** Round trip in milliseconds; null for the trace's own delay. */
   readonly roundTrip: number | null;
   readonly figures: Figures;
 }

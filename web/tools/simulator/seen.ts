@@ -4,7 +4,7 @@ import { FARTHEST } from "#viewer/reproject/side-pictures";
 import { apply, directionOfPixel, pixelOfDirection, type View } from "#viewer/reproject/view";
 import { add, subtract, type Vector3 } from "#viewer/view/vector";
 
-/** Grid size of a side of the cube, and of a view. */
+/** Grid sizes of a side of the cube, and of a view. */
 const TEXELS = 16;
 const COLUMNS = 32;
 const ROWS = 18;
@@ -18,7 +18,7 @@ export class Seen {
   #origin: Vector3 | undefined;
   #frame: View | undefined;
 
-  /** `distance`: how far away everything is, in scene units. */
+  /** `distance` is how far away everything is, in scene units. */
   constructor(distance: number) {
     this.#distance = distance;
   }
@@ -86,7 +86,7 @@ function shows({ width, height }: View, [x, y, ahead]: Vector3): boolean {
   return ahead > 0 && x >= 0 && y >= 0 && x <= width * ahead && y <= height * ahead;
 }
 
-/** The point of the sphere of radius 1 that is seen from a place in it, or from one outside, as if it were infinitely large. */
+/** The point of the unit sphere that is seen from a position inside it, or from outside, as if it were infinitely large. */
 function onSphere(direction: Vector3, offset: Vector3): Vector3 {
   const along = direction[0] * offset[0] + direction[1] * offset[1] + direction[2] * offset[2];
   const root = along * along + 1 - offset[0] ** 2 - offset[1] ** 2 - offset[2] ** 2;

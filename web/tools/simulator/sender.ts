@@ -1,15 +1,15 @@
 /**
  * One QUIC connection from the server to the page, as in the render service: the oldest request's frame goes first, in
  * packets released by congestion control and pacing. A packet that finds the queue full is lost; the sender learns of
- * it when the acknowledgement would have arrived, and sends the bytes again. On a lossy path without a queue, packets are
+ * it when the acknowledgement would have arrived, and resends the bytes. On a lossy path without a queue, packets are
  * sent a second time when nothing else waits. The page acknowledges like Chromium: every second of the first hundred
- * packets, then every tenth, and none later than a quarter of a round trip.
+ * packets, then every tenth, and each within a quarter of a round trip.
  */
 import type { Bottleneck } from "./bottleneck";
 import { PACKET, Pacer, type Packet, Westwood } from "./congestion";
 import type { EventLoop } from "./events";
 
-/** Bytes of a packet that are not a frame's: QUIC's, and on the link UDP's, IP's and Ethernet's as well. */
+/** Overhead of a packet in bytes: QUIC's, and on the link also that of UDP, IP and Ethernet. */
 const QUIC = 28;
 const OVERHEAD = 42;
 /** Bytes of an acknowledgement on the link. */
@@ -19,7 +19,7 @@ const DECIMATED = { after: 100, packets: 10, share: 0.25 };
 
 export interface Path {
   readonly link: Bottleneck;
-  /** Milliseconds from the link to the page. */
+  /** Delay from the link to the page, in milliseconds. */
   readonly down: () => number;
   /** Sends bytes from the page to the sender. */
   readonly back: (bytes: number, arrived: () => void) => void;
@@ -51,7 +51,7 @@ export class Sender {
   readonly #copyPacer = new Pacer();
   /** Packets worth a second copy. */
   #uncopied: Sent[] = [];
-  /** Those with something to send, the oldest first. */
+  /** Streams with something to send, oldest first. */
   #streams: Stream[] = [];
   readonly #cancelled = new WeakSet<Stream>();
   #number = 0;
@@ -62,7 +62,7 @@ export class Sender {
   #packets = 0;
   /** Received packets not acknowledged yet. */
   #arrived: Packet[] = [];
-  /** When the last of them came. */
+  /** Arrival time of the last of them. */
   #arrivedAt = 0;
 
   constructor(events: EventLoop, path: Path) {
@@ -123,7 +123,7 @@ export class Sender {
     }
   }
 
-  /** Bytes of a packet, or of its copy, are in the page. */
+  /** Handles the arrival of a packet, or of its copy, at the page. */
   #received(sent: Sent): void {
     if (sent.received) return;
     sent.received = true;
@@ -147,7 +147,7 @@ export class Sender {
     this.#congestion.sent(packet);
     if (this.#congestion.wantsCopies(now)) this.#uncopied.push(sent);
     const departure = link.offer(packet.bytes + OVERHEAD, now);
-    // Delay may vary, but packets never overtake each other: the shaper's netem and relay keep their order.
+    // Delay may vary, but packets never overtake each other: the shaper's netem and relay preserve their order.
     this.#lastArrival = Math.max(this.#lastArrival, (departure ?? link.drained) + down());
     if (departure === null || loses()) {
       this.#events.at(this.#lastArrival, () => back(ACKNOWLEDGEMENT, () => this.#lost(sent)));
@@ -159,7 +159,7 @@ export class Sender {
     });
   }
 
-  /** In the page. */
+  /** Acknowledges packets, in the page. */
   #arrives(packet: Packet): void {
     this.#packets++;
     this.#arrived.push(packet);
@@ -182,7 +182,7 @@ export class Sender {
     this.#path.back(ACKNOWLEDGEMENT, () => this.#acknowledged(packets, delay));
   }
 
-  /** `delay`: how long the page has held the acknowledgement of the last one. */
+  /** `delay` is how long the page has held the acknowledgement of the last one. */
   #acknowledged(packets: readonly Packet[], delay: number): void {
     const now = this.#events.now();
     for (const packet of packets) this.#congestion.acknowledged(packet, now);

@@ -1,6 +1,6 @@
 /**
  * The render service: one frame is rendered while the previous one is encoded. The newest waiting request goes first,
- * with the service's limit per viewer; an additional one displaces the oldest.
+ * within the service's limit per viewer; an additional one displaces the oldest.
  */
 import { RequestProblem } from "#client/transport/transport";
 import type { ServerTiming } from "#client/wire/render";
@@ -12,9 +12,9 @@ export interface Job {
   /** Requests are numbered in the order in which they were made. */
   readonly number: number;
   readonly rung: number;
-  /** Bytes of the answer arrived. */
+  /** Called when bytes of the answer arrive. */
   readonly received: (bytes: number) => void;
-  /** The header: the whole answer's bytes, and where the time went. */
+  /** Called with the header: the whole answer's bytes, and the breakdown of its time. */
   readonly answered: (bytes: number, timing: ServerTiming) => void;
   readonly refused: (problem: RequestProblem) => void;
 }
@@ -43,7 +43,7 @@ export class Server {
   readonly #events: EventLoop;
   readonly #sender: Sender;
   readonly #endpoints: Endpoints;
-  /** The oldest first. */
+  /** Waiting requests, oldest first. */
   #waiting: { readonly job: Job; readonly since: number }[] = [];
   #rendering = false;
   #rendered: Rendered[] = [];

@@ -46,7 +46,7 @@ test("the same options give the same figures, another seed others", async () => 
 
 test("on a fast link a frame takes the round trip, the server's time and its transmission", async () => {
   const { responseP50, age, framesPerSecond, rung, rungOverTime } = await visit("fixed:3", 100);
-  // 20 + 11 + 1/16 + 7 kB at 100 Mbit/s, and the request's own way
+  // 20 + 11 + 1/16 + 7 kB at 100 Mbit/s, and the request's own path
   expect(responseP50).toBeGreaterThan(31);
   expect(responseP50).toBeLessThan(34);
   // decoded 4 ms later, taken in one of the animation frames and on the screen in the next

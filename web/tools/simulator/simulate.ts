@@ -24,9 +24,9 @@ export interface SimulationOptions {
   readonly ladder: readonly Rung[];
   /** Milliseconds to play; the trace starts again at its end. */
   readonly duration: number;
-  /** The way there and back in milliseconds; null: the trace's own delay. */
+  /** Round trip in milliseconds; null for the trace's own delay. */
   readonly roundTrip: number | null;
-  /** Fresh ones for each visit. */
+  /** Creates new ones for each visit. */
   readonly endpoints: Endpoints;
   /** How the page shows a frame older than the view; `predicted` by default. */
   readonly way?: Way;
@@ -54,10 +54,10 @@ export async function simulate(options: SimulationOptions): Promise<Figures> {
     controller.observe({ ...frame, turning, way });
   });
   let pose = 0;
-  /** Of each pose: when it was, and how far the camera had turned by then, in degrees. */
+  /** Time of each pose, and how far the camera had turned by then, in degrees. */
   const poses = [ORIGIN];
   let onScreen: { readonly pose: number; readonly picture: Seen } | undefined;
-  /** The newest that a frame has shown. */
+  /** The newest pose that a frame has shown. */
   let shownPose = 0;
   let presenting: ReturnType<FramePipeline["take"]>;
   const tick = () => {
@@ -99,7 +99,7 @@ interface Simulated {
   readonly throughput: ThroughputEstimator;
 }
 
-/** The page's own pipeline; `came` hears of each frame what a controller does. */
+/** The page's own pipeline; `came` is called with each frame as a controller observes it. */
 export function simulatedPipeline(
   { events, transport, endpoints, throughput }: Simulated,
   came: (frame: Omit<Observation, "turning" | "way">) => void,

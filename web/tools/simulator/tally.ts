@@ -1,4 +1,4 @@
-/** Sums a simulated visit up. */
+/** Sums up a simulated visit. */
 
 import { decibels, type Seen } from "#client/abr/seen-error";
 import { INTERACTIVE_MS } from "#client/wire/figures";
@@ -46,7 +46,7 @@ export interface Figures {
   readonly framesPerSecond: number;
   /** Received megabits per second. */
   readonly bandwidth: number;
-  /** A minute, and their share of the time. */
+  /** Stalls per minute, and their share of the time. */
   readonly stalls: number;
   readonly stalled: number;
 }
@@ -67,7 +67,7 @@ export class Tally {
   #errors = 0;
   #decibels = 0;
   #similarity = 0;
-  /** When the picture changed its size, and to how many lines. */
+  /** Changes of the picture's size: times, and numbers of lines. */
   readonly #lines: { readonly at: number; readonly lines: number }[] = [];
   #contentAges = 0;
 
@@ -95,7 +95,7 @@ export class Tally {
     }
     this.#shown++;
     this.#rungs += rung;
-    this.#ages += Math.min(...frame.latencies); // the frame's own pose is the newest that it shows
+    this.#ages += Math.min(...frame.latencies); // a frame's own pose is the newest that it shows
     for (const latency of frame.latencies) this.#latencies.push(latency);
     this.#last = frame;
   }
@@ -108,7 +108,7 @@ export class Tally {
     for (const wait of waits) if (wait > INTERACTIVE_MS) this.#latencies.push(wait);
   }
 
-  /** Error and age of the picture in an animation frame. */
+  /** Records error and age of the picture in an animation frame. */
   seen({ mse, ssim }: Seen, age: number): void {
     this.#views++;
     this.#errors += mse;
@@ -165,7 +165,7 @@ function share(sorted: Float64Array): number {
   return sorted.filter((value) => value <= INTERACTIVE_MS).length / Math.max(1, sorted.length);
 }
 
-/** The nearest rank. */
+/** The nearest-rank percentile. */
 function percentile(sorted: Float64Array, rank: number): number {
   return sorted[Math.max(0, Math.ceil(rank * sorted.length) - 1)] ?? Number.NaN;
 }

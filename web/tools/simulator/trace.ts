@@ -1,4 +1,4 @@
-/** A network trace in the project's CSV format (docs/network.md), as the simulator plays it: round and round. */
+/** A network trace in the project's CSV format (docs/network.md), as the simulator plays it: in a loop. */
 
 export interface LinkState {
   readonly down_kbps: number;
@@ -47,7 +47,7 @@ export function parseTrace(text: string): NetworkTrace {
   return { steps, duration: end };
 }
 
-/** The state at a time, for times that never go back. */
+/** The state at a time, for times that never decrease. */
 export class TracePlayer {
   readonly #trace: NetworkTrace;
   #i = 0;

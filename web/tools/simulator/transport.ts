@@ -1,4 +1,4 @@
-/** The transport of the page, over a simulated network: requests go up, frames come down one stream each. */
+/** The page's transport over a simulated network: requests go up, and frames come down in one stream each. */
 import { deferred } from "#client/async/deferred";
 import { Receiver } from "#client/transport/reception";
 import type { FrameReply, FrameTransport } from "#client/transport/transport";
@@ -12,7 +12,7 @@ import { type NetworkTrace, TracePlayer } from "./trace";
 
 export interface NetworkOptions {
   readonly trace: NetworkTrace;
-  /** The way there and back in milliseconds, in place of the trace's own delay; null keeps that. */
+  /** Round trip in milliseconds, instead of the trace's own delay; null keeps that. */
   readonly roundTrip: number | null;
   readonly ladder: readonly Rung[];
   readonly endpoints: Endpoints;
@@ -111,14 +111,14 @@ export class SimulatedTransport implements FrameTransport {
 
   close(): void {}
 
-  /** A small packet goes up. A full queue loses it; QUIC would send it again, here it waits until there is room. */
+  /** Sends a small packet up. A full queue would lose it and QUIC resend it; here it waits until there is room. */
   #upwards(bytes: number, arrived: () => void): void {
     const departure = this.#up.offer(bytes, this.#events.now()) ?? this.#up.drained;
     this.#lastUp = Math.max(this.#lastUp, departure + this.#delay());
     this.#events.at(this.#lastUp, arrived);
   }
 
-  /** One way, without queue. */
+  /** Delay of one direction, without the queue. */
   #delay(): number {
     const { delay_ms, jitter_ms } = this.#player.at(this.#events.now());
     const { roundTrip, random } = this.#options;

@@ -1,6 +1,6 @@
 /**
  * Whether a machine keeps up with turning a picture in each animation frame. Without graphics acceleration, browsers draw in software,
- * which takes a tenth of a second and slows the whole page. Few of them report draw times, but animation frames come late.
+ * which takes a tenth of a second and slows the whole page. Few of them report draw times, but animation frames arrive late.
  */
 import { median } from "../enhance/median";
 

@@ -18,20 +18,20 @@ import { parseTrace } from "../trace";
 import { number, SHARED, shared } from "./options";
 
 const USAGE = `npm run abr-bench -- [options] TRACE.csv...
-  --controller NAME   as abr-sim has them, and hindsight, which is each segment's best fixed rung by the PSNR of
-                      what is seen; may be repeated [all of these, and all fixed rungs]
-  --of NAME           the one that is compared with each other one [seen]
-  --segments N        how many different parts of the traces, taken from all in turn by chance [48]
-  --seconds N         how long each is [30]
+  --controller NAME   as in abr-sim, or hindsight, which is each segment's best fixed rung by the PSNR of the
+                      seen picture; may be repeated [all of these, and all fixed rungs]
+  --of NAME           the controller that is compared with each of the others [seen]
+  --segments N        number of different random parts of the traces, taken from all in turn [48]
+  --seconds N         duration of each [30]
   --rtt MS            round trip in place of the traces' own delay; may be repeated [20, 50, 100]
-  --jitter MS         each way, beside the round trip [0]
-  --render MS, --render-best MS, --scale X, --batch MS   as abr-sim has them
-  --movement FILE     a movement whose turns the camera makes, a part for each segment; may be repeated [made-up turns]
+  --jitter MS         each way, in addition to the round trip [0]
+  --render MS, --render-best MS, --scale X, --batch MS   as in abr-sim
+  --movement FILE     a movement that turns the camera, one part per segment; may be repeated [synthetic turns]
   --ladder FILE       a scene's ladder.json (docs/adaptation.md) [the paper's]
   --way WAY           how the page shows a frame that is older than the view: stale, rotation, depth, or predicted,
-                      which is with depth, too [predicted]
+                      which also uses depth [predicted]
   --seed N            [1]
-  --json FILE         all runs' figures
+  --json FILE         figures of all runs
 `;
 
 const HINDSIGHT = "hindsight";

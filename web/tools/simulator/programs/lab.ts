@@ -7,7 +7,7 @@ import { agreement, conditionOf, conditions, type LabRun, MeasuredEndpoints, off
 import { simulate } from "../simulate";
 
 const USAGE = `npm run abr-lab -- EXPERIMENT
-  the folder of an experiment in the mode stateless, without reprojection and prediction, with its report
+  the folder of an experiment in the mode stateless, without reprojection or prediction, with its report
 `;
 
 async function main(): Promise<void> {
@@ -45,7 +45,7 @@ async function main(): Promise<void> {
   for (const row of rows) process.stdout.write(`| ${row} |\n`);
 }
 
-/** The report's figures of complete runs, by the name of their folder. */
+/** The report's figures of complete runs, by folder name. */
 function reported(folder: string): Map<string, LabRun["figures"]> {
   const path = join(folder, "runs.csv");
   if (!existsSync(path)) throw new Error(`There is no ${path}: make the report with tigas report ${folder}.`);

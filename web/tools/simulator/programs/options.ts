@@ -1,4 +1,4 @@
-/** Options that programs of the simulator share. */
+/** Options shared by the simulator's programs. */
 import { readFileSync } from "node:fs";
 import type { parseArgs } from "node:util";
 import { WAYS } from "#client/abr/controller";
@@ -22,7 +22,7 @@ export const SHARED = {
 
 type Values = ReturnType<typeof parseArgs<{ options: typeof SHARED }>>["values"];
 
-/** The given ones. Throws an Error of one sentence, which a person reads. */
+/** Parses the shared options. Throws an Error with one sentence for the user. */
 export function shared(values: Values) {
   const way = WAYS.find((one) => one === values.way);
   if (way === undefined) throw new Error(`--way is one of ${WAYS.join(", ")}, not "${values.way}".`);
@@ -38,7 +38,7 @@ export function shared(values: Values) {
   return { way, ladder, server, seed: number("--seed", values.seed) };
 }
 
-/** At least 0. Throws an Error of one sentence, which a person reads. */
+/** Parses a number of at least 0. Throws an Error with one sentence for the user. */
 export function number(option: string, text: string): number {
   const value = Number(text);
   if (text.trim() === "" || !Number.isFinite(value) || value < 0) {

@@ -13,20 +13,20 @@ import { parseTrace } from "../trace";
 import { number, SHARED, shared } from "./options";
 
 const USAGE = `npm run abr-sim -- [options] TRACE.csv...
-  --controller NAME   seen, latency, latency-transfer, lol+, l2a, fixed:RUNG, one with other parameters (as in
+  --controller NAME   seen, latency, latency-transfer, lol+, l2a, fixed:RUNG, one with other parameters (such as
                       l2a@horizon=8,react=4), or a file with a default export that makes a controller; may be
                       repeated [all but fixed]
   --rtt MS            round trip in place of the traces' own delay; may be repeated
   --seconds N         how long each visit lasts [each trace once]
-  --render MS         the server's time for a frame [11, the paper's RTX 2060 Super]
-  --render-best MS    for one of the best rung, where the server takes longer for more pixels [as --render]
-  --scale X           frames are so many times as large as the ladder says [1]
+  --render MS         the server's time per frame [11, the paper's RTX 2060 Super]
+  --render-best MS    the time for the best rung, if the server takes longer for more pixels [as --render]
+  --scale X           size of frames, as a multiple of the ladder's [1]
   --ladder FILE       a scene's ladder.json (docs/adaptation.md) [the paper's]
-  --batch MS          the page hears of what has arrived every so many milliseconds [at once]
+  --batch MS          interval at which the page sees arrived data [at once]
   --way WAY           how the page shows a frame that is older than the view: stale, rotation, depth, or predicted,
-                      which is with depth, too [predicted]
+                      which also uses depth [predicted]
   --seed N            [1]
-  --each              a row for each trace, besides the mean over all
+  --each              a row for each trace, in addition to the mean over all
   --json FILE, --plot FILE.svg
 `;
 
@@ -77,7 +77,7 @@ async function main(): Promise<void> {
   if (values.plot !== undefined) writeFileSync(values.plot, await plot(runs));
 }
 
-/** Figures against the round trip, or for each trace where there is only one. */
+/** Figures by round trip, or by trace if there is only one round trip. */
 async function plot(runs: readonly Run[]): Promise<string> {
   const [{ parse, View }, { compile }] = await Promise.all([import("vega"), import("vega-lite")]);
   const byTrip = new Set(runs.map(({ roundTrip }) => roundTrip)).size > 1;
