@@ -95,7 +95,7 @@ test("tells that the scene is there, of each frame, of figures and of errors by 
   expect(told.at(-1)).toBe("unavailable: This server does not offer DASH streams.");
   stop();
   expect(() => viewer.set({ mode: "magic" as never })).toThrow("mode");
-  expect(() => viewer.set({ mod: "video" } as never)).toThrow("there is no setting mod");
+  expect(() => viewer.set({ mod: "video" } as never)).toThrow("unknown setting mod");
   vi.mocked(loadScene).mockRejectedValue(new ApiError("There is no scene attic.", false));
   const [attic] = open("attic");
   attic.on("error", ({ code, message }) => told.push(`${code}: ${message}`));

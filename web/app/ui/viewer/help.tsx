@@ -12,7 +12,7 @@ const MOVES: readonly (readonly [string, readonly string[]])[] = [
   ["Move up", ["KeyE", "Space"]],
   ["Move down", ["KeyQ", "Shift"]],
   ["Faster, slower", ["KeyC", "KeyZ"]],
-  ["Switch dragging: look or orbit", ["KeyO"]],
+  ["Toggle look or orbit", ["KeyO"]],
   ["Mouse look (locks the pointer)", ["KeyL"]],
   ["Back to the start", ["KeyR"]],
   ["Stop playback", ["Esc"]],
@@ -30,7 +30,7 @@ const ARROWS: Readonly<Record<string, string>> = { ArrowLeft: "←", ArrowRight:
 const POINTERS: readonly (readonly [string, string])[] = [
   ["Drag, or one finger", "Look around; orbit with Alt, or after pressing O"],
   ["Double-click or double-tap", "Move halfway there and look at it; orbiting then circles that point"],
-  ["Drag with the right button", "Slide sideways, up and down"],
+  ["Right-drag", "Slide sideways, up and down"],
   ["Wheel, or pinch", "Walk forwards and backwards"],
   ["Two fingers", "Slide sideways, up and down"],
   ["Gamepad", "Sticks walk and turn, triggers move up and down, bumpers change the speed"],

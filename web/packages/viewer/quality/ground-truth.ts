@@ -34,7 +34,7 @@ export async function losslessView(
   { position, quaternion }: ScenePose,
   signal: AbortSignal,
 ): Promise<Blob> {
-  if (server === null) throw new Error("The server has not said how it is reached.");
+  if (server === null) throw new Error("The server's address is not known yet.");
   const transport = new FetchTransport(() => performance.now(), hostUrl("render", server));
   try {
     const { image } = await transport.request({ scene, seq: 0, position, quaternion, ...lens, format: "png" }, signal);

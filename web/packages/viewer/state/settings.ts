@@ -264,7 +264,7 @@ export function settingOf<Name extends LinkedName>(name: Name, text: string): Se
 /** Returns the same settings if each is known and has a valid value. Throws otherwise. */
 export function validSettings(settings: Settings): Settings {
   const unknown = Object.keys(settings).find((name) => !Object.hasOwn(SETTINGS, name));
-  if (unknown !== undefined) throw new Error(`there is no setting ${unknown}`);
+  if (unknown !== undefined) throw new Error(`unknown setting ${unknown}`);
   const valid = parse({ ...settings });
   // An invalid value would be replaced by the default.
   const wrong = NAMES.find((name) => JSON.stringify(valid[name]) !== JSON.stringify(settings[name]));

@@ -175,7 +175,7 @@ describe("support", () => {
   test.each([
     ["without WebCodecs", () => vi.stubGlobal("isSecureContext", true), "no WebCodecs"],
     ["on an insecure page", () => vi.stubGlobal("isSecureContext", false), "only over HTTPS"],
-    ["without H.264", () => decoder(async () => ({ supported: false })), "does not decode H.264"],
+    ["without H.264", () => decoder(async () => ({ supported: false })), "cannot decode H.264"],
     ["with a decoder that cannot be asked", () => decoder(() => Promise.reject(new TypeError("no"))), "H.264"],
   ])("%s one sentence says so, and names the way out", async (_, set, sentence) => {
     set();

@@ -22,7 +22,7 @@ export async function videoProblem(): Promise<string | null> {
   const { supported } = await VideoDecoder.isConfigSupported({ codec: CODEC, optimizeForLatency: true }).catch(() => ({
     supported: false,
   }));
-  return supported ? null : "This browser does not decode H.264, which the Video mode needs. Choose another mode.";
+  return supported ? null : "This browser cannot decode H.264, which the Video mode needs. Choose another mode.";
 }
 
 interface Arrived extends Link, Pick<EncodedFrame, "codec" | "image"> {
@@ -109,7 +109,7 @@ export class VideoFrames {
    */
   async decode({ header, image }: FrameReply, signal: AbortSignal): Promise<DecodedPicture> {
     const { video, seq } = header;
-    if (!video) throw new Error("a frame of a video has its place in it");
+    if (!video) throw new Error("a video frame needs its place in the video");
     if (video.key) this.keyFrames++;
     const picture = deferred<ImageBitmap>();
     const frame = { seq, key: video.key, after: video.after ?? null, codec: video.codec, image, picture };

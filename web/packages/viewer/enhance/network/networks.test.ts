@@ -71,7 +71,7 @@ test.each<[string, ArrayBuffer, RegExp]>([
   ["a layer that is missing", described({ layers: 3 }), /shape \[12,4,3,3\], not \[4,4,3,3\]/],
   ["a network without its tensors", described({ rung: 3 }), /lack the tensor rung3\.conv0\.weight/],
   ["another shape", described({ channels: 8 }), /rung1\.conv0\.weight is of shape \[4,3,3,3\], not \[8,3,3,3\]/],
-  ["a tensor too many", WITH_MORE, /of no network: "more"/],
+  ["a tensor too many", WITH_MORE, /unused tensor: "more"/],
   [
     "whole precision",
     changed((header) => (header["rung1.conv0.bias"] = { dtype: "F32", shape: [4], data_offsets: [216, 224] })),

@@ -60,7 +60,7 @@ export function readNetworks(file: ArrayBuffer): Network[] {
   const left = new Map(safetensors.tensors);
   const networks = descriptions(safetensors).map((description) => network(description, left));
   const [spare] = left.keys();
-  if (spare !== undefined) throw new EnhancementError(`its weights contain a tensor of no network: ${quoted(spare)}.`);
+  if (spare !== undefined) throw new EnhancementError(`its weights contain an unused tensor: ${quoted(spare)}.`);
   return networks;
 }
 
