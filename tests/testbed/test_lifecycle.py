@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,12 +18,12 @@ import pytest
 from tests.eventually import wait_until
 from tests.testbed.conftest import ip_forward, left_behind, remove_abandoned, shaper
 from tests.testbed.inside import GATEWAY, echo_server, udp
-from tigas_common.errors import StartError
+from tigas_common.errors import StartError, UsageError
 from tigas_common.processes import tigas
 from tigas_common.topology import SHAPER
 from tigas_testbed.cli import _told_to_stop
 from tigas_testbed.namespaces import Lab
-from tigas_testbed.services import PORTS, shaper_command
+from tigas_testbed.services import PORTS, run_demo, shaper_command
 
 
 def answers(lab: Lab) -> bool:
@@ -219,6 +220,18 @@ def test_wrong_options_end_it_with_the_service_s_own_sentence() -> None:
     assert run.returncode == 1
     assert "/nowhere" in run.stderr
     assert run.stderr.splitlines()[-1] == "The render service did not start (exit status 1), so the others end as well."
+
+
+def test_the_other_services_find_a_render_service_at_another_port(monkeypatch: pytest.MonkeyPatch) -> None:
+    environments: list[dict[str, str]] = []
+    monkeypatch.setattr("tigas_testbed.services.Service", lambda name, start: start())
+    monkeypatch.setattr("tigas_testbed.services.keep_running", lambda services, stop: None)
+    monkeypatch.setattr(subprocess, "Popen", lambda argv, *, env, **rest: environments.append(env))
+    run_demo(("--http=0.0.0.0:9000",), threading.Event(), store=True)
+    assert {env["TIGAS_DASH_RENDER"] for env in environments} == {"http://localhost:9000"}
+    assert {env["TIGAS_STORE_RENDER"] for env in environments} == {"http://localhost:9000"}
+    with pytest.raises(UsageError, match="--htpp"):
+        run_demo(("--htpp=0.0.0.0:9000",), threading.Event(), store=True)
 
 
 @pytest.mark.timeout(10)

@@ -26,6 +26,16 @@ def test_a_newcomer_sees_the_scene_one_line_and_how_to_move(open_page: OpenPage)
     expect(page.get_by_text(HINT)).to_have_count(0)
 
 
+def test_a_notice_and_how_to_move_do_not_overlap(open_page: OpenPage) -> None:
+    page = open_page(f"{SCENE}?mode=film", newcomer=True)
+    wait_for_frames(page)
+    expect(page.get_by_text("The link sets mode to “film”")).to_be_visible()
+    expect(page.get_by_text(HINT)).to_be_visible()
+    for width in (820, 1000, 1200, 1440):
+        resize(page, {"width": width, "height": 700})
+        expect_apart(page.locator(".status-line, .hint-line"))
+
+
 def test_the_lab_is_loaded_when_it_is_opened_and_stays_open(open_page: OpenPage) -> None:
     page = open_page(SCENE, newcomer=True)
     wait_for_frames(page)

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from importlib.metadata import EntryPoint, distribution, entry_points
 from typing import Any
 
-from tigas_common.command import Command, Group, list_commands, load, parse, summary
+from tigas_common.command import Command, Group, list_commands, parse, summary
 from tigas_common.errors import StartError, TigasError, UsageError
 from tigas_common.installation import PROJECT, explained
 from tigas_common.terminal import LogFormatter, printable
@@ -49,9 +49,9 @@ def entries() -> dict[str, EntryPoint]:
     return {point.name: point for point in sorted(entry_points(group=COMMANDS), key=lambda point: point.name)}
 
 
-def settings_of(service: str, /, **values: Any) -> Any:
-    """The settings that a service's command would use, given these flags. Raises UsageError."""
-    return load(entries()[service].load(), values)
+def settings_of(service: str, arguments: Sequence[str] = ()) -> Any:
+    """The settings that a service's command would use, given these arguments. Raises UsageError."""
+    return parse(entries()[service].load(), f"{PROJECT} {service}", arguments)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

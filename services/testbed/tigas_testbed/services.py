@@ -149,9 +149,8 @@ def run_lab(*, https: Address | None, store: bool, stop: threading.Event) -> Non
     check_free(ports)
     results: Path = settings_of("store").results
     models: Path = settings_of("render").scenes
-    traces: Path | None = settings_of(
-        "shaper", access="access", service="service", forward=("tcp:1=localhost:1",)
-    ).traces
+    required = ("--access=access", "--service=service", "--forward=tcp:1=localhost:1")
+    traces: Path | None = settings_of("shaper", required).traces
     lent = (results, *((models,) if models == MODELS else ()))  # an explicitly named directory keeps its owner
     caller, user = User.caller(os.environ), User.of_services(os.environ, Path.cwd())
     options = ("--traces", str(traces)) if traces else ()
@@ -180,9 +179,13 @@ def run_lab(*, https: Address | None, store: bool, stop: threading.Event) -> Non
 
 
 def run_demo(render_options: Sequence[str], stop: threading.Event, *, store: bool) -> None:
-    """Run the services without a shaped link until `stop` is set. Raises StartError as `run_lab` does."""
+    """Run the services without a shaped link until `stop` is set. Raises StartError and UsageError."""
     services = page_services(shaped=False, store=store)
     environment = {SERVICES_VARIABLE: services, UPSTREAMS_VARIABLE: upstreams(store=store)} | os.environ
+    page: Address = settings_of("render", render_options).http
+    if page.port not in (0, PAGE.number):
+        url = f"http://{page.reachable_host}:{page.port}"
+        environment = {"TIGAS_DASH_RENDER": url, "TIGAS_STORE_RENDER": url} | environment
     dash = tigas("dash")
     if "--lan" in render_options:
         dash += ("--http", str(DASH.everywhere))  # nothing forwards WebRTC traffic
