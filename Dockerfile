@@ -13,7 +13,7 @@ RUN --mount=type=secret,id=ca,target=/run/ca.crt --mount=type=cache,target=/root
 COPY web ./
 RUN npm run --silent build
 
-# uv, and what builds the package, as uv.lock has them.
+# uv and the package's build tools, at the versions of uv.lock.
 FROM ${PYTHON_IMAGE} AS uv
 ENV PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_ROOT_USER_ACTION=ignore UV_LINK_MODE=copy UV_PYTHON_DOWNLOADS=never
 WORKDIR /src
@@ -30,7 +30,7 @@ COPY README.md LICENSE ./
 COPY services services
 RUN uv build -q --wheel --no-build-isolation --out-dir /wheel
 
-# An environment with what a service runs with and no more: neither pip nor what builds the wheel, and no tests.
+# An environment with only the packages that a service runs with: no pip, build tools or tests.
 FROM uv AS build
 RUN python -m venv --without-pip /opt/tigas
 # Dependencies first, so that a change in our code does not reinstall them. WITHOUT: packages of the extras that a service
@@ -77,7 +77,7 @@ ENTRYPOINT ["tigas", "render"]
 # A machine of a cluster, its head (tigas-head) or a host (ray start): compose.cluster.yaml and deploy/kuberay.yaml run it.
 FROM render AS cluster
 COPY --chmod=755 deploy/head.sh /usr/local/bin/tigas-head
-# Ray reports no statistics, keeps few logs, because they are in memory, and stops at once when told to: viewers do not need
+# Ray reports no statistics, keeps few logs, because they are in memory, and stops at once when asked: viewers do not need
 # half a minute to move.
 ENV TIGAS_RENDER_HTTPS=off RAY_GRACEFUL_SHUTDOWN_DRAIN_TIMEOUT_S=0 \
     RAY_USAGE_STATS_ENABLED=0 RAY_ROTATION_MAX_BYTES=4000000 RAY_ROTATION_BACKUP_COUNT=1

@@ -1,6 +1,6 @@
 #!/bin/bash
 # Runs the head of a cluster: Ray's head node (the arguments are its start command) and `tigas cluster up`, which is
-# restarted if it exits; hosts and viewers carry on in the meantime. Ends with Ray, or when told to.
+# restarted if it exits; hosts and viewers carry on in the meantime. Ends with Ray, or on SIGTERM.
 end() {
     kill $(jobs -p) 2>/dev/null
     wait
