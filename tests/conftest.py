@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import signal
 from collections import Counter
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 from hypothesis import settings
@@ -16,11 +19,16 @@ BROWSERS = f"{ROOT}/tests/web/"
 """A process that has driven browsers here runs no asyncio tests any more."""
 
 
-def pytest_configure() -> None:
-    """Let properties take their time, and answer Ctrl+C.
+def pytest_configure(config: pytest.Config) -> None:
+    """Let properties take their time, answer Ctrl+C, and leave the user's cache of previews alone.
 
-    A script's background job ignores it, and so would every process that the tests start.
+    A script's background job ignores Ctrl+C, and so would every process that the tests start.
     """
+    if not hasattr(config, "workerinput"):
+        cache = TemporaryDirectory(prefix="tigas-cache-")
+        config.add_cleanup(cache.cleanup)
+        Path(cache.name).chmod(0o777)  # some services run as another user
+        os.environ["TIGAS_RENDER_CACHE"] = cache.name
     signal.signal(signal.SIGINT, signal.default_int_handler)
     settings.register_profile("tigas", deadline=None)  # a busy machine is slow
     settings.load_profile("tigas")
