@@ -35,7 +35,7 @@ from tigas_common.wire.render import FrameHeader, RenderRequest, ServerTiming
 from tigas_render.admission.limits import Limits
 from tigas_render.admission.load import Load
 from tigas_render.admission.viewers import HttpViewers, RequestRate
-from tigas_render.frame import Answered, Client, Frame, FrameSource, Withdraw
+from tigas_render.frame import Cancel, Client, Frame, FrameSource, OnAnswer
 from tigas_render.server.frame_route import HttpFrames, frames_app
 from tigas_render.transport.certificate import Certificate
 from tigas_render.transport.frames import render_session
@@ -78,9 +78,9 @@ class Memory(FrameSource):
     def __init__(self, size: int) -> None:
         self.body = bytes(size)
 
-    def request(self, client: Client, request: RenderRequest, arrived: float, answered: Answered) -> Withdraw:
+    def request(self, client: Client, request: RenderRequest, arrived: float, on_answer: OnAnswer) -> Cancel:
         frame = Frame(self.body, "jpeg", 1280, 720, request.seq, request.profile, TIMING)
-        return asyncio.get_running_loop().call_soon(answered, frame).cancel
+        return asyncio.get_running_loop().call_soon(on_answer, frame).cancel
 
 
 async def run_ours(certificate: Certificate, size: int) -> None:

@@ -160,7 +160,7 @@ class FairSchedule(Generic[Work]):
         self._choose(client.address)
 
     def remove(self, client: Client, work: Work) -> bool:
-        """Withdraw work; False if it is not waiting any more."""
+        """Remove work; False if it is not waiting any more."""
         return bool(self.remove_if(client, lambda other: other is work))
 
     def remove_if(self, client: Client, is_unwanted: Callable[[Work], bool]) -> list[Work]:

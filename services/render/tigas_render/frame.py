@@ -91,20 +91,20 @@ class Frame:
         return CONTENT_TYPES[self.format]
 
 
-Answered = Callable[[Frame | Exception], None]
-Withdraw = Callable[[], None]
+OnAnswer = Callable[[Frame | Exception], None]
+Cancel = Callable[[], None]
 
 
 class FrameSource(ABC):
     """A source of frames, such as the engine. It belongs to one event loop."""
 
     @abstractmethod
-    def request(self, client: Client, request: RenderRequest, arrived: float, answered: Answered) -> Withdraw:
+    def request(self, client: Client, request: RenderRequest, arrived: float, on_answer: OnAnswer) -> Cancel:
         """Request a frame. arrived: when the request was received, on the monotonic clock.
 
-        answered: called once, on the event loop and after this has returned, with the frame or an error, usually a
+        on_answer: called once, on the event loop and after this has returned, with the frame or an error, usually a
         TigasError such as UnknownScene, BrokenScene, Superseded, DeadlineExceeded or Overloaded. Returns a function
-        that cancels the request, after which `answered` is not called. Calling it again has no effect.
+        that cancels the request, after which `on_answer` is not called. Calling it again has no effect.
         """
 
     def forget(self, client: Client) -> None:  # noqa: B027 - most sources keep nothing
@@ -113,11 +113,11 @@ class FrameSource(ABC):
     async def submit(self, client: Client, request: RenderRequest, arrived: float) -> Frame:
         """Request a frame and wait for it. Raises the request's error. Cancelling the call cancels the request."""
         answer: asyncio.Future[Frame] = asyncio.get_running_loop().create_future()
-        withdraw = self.request(client, request, arrived, partial(_resolve, answer))
+        cancel = self.request(client, request, arrived, partial(_resolve, answer))
         try:
             return await answer
         except asyncio.CancelledError:
-            withdraw()
+            cancel()
             if answer.done() and not answer.cancelled() and answer.exception() is None:
                 answer.result().release()  # the frame arrived at the moment of cancellation
             raise

@@ -344,11 +344,11 @@ async def test_a_coarse_frame_does_not_wait_for_the_scene_and_a_png_always_does(
 
 async def test_the_answer_comes_once_never_at_once_and_not_after_a_withdrawal(bench: Bench) -> None:
     client, answers = Client("somewhere", "a"), list[Frame | Exception]()
-    withdraw = bench.engine.request(client, render_request(scene="nowhere"), bench.now, answers.append)
+    cancel = bench.engine.request(client, render_request(scene="nowhere"), bench.now, answers.append)
     assert answers == []
     await asyncio.sleep(0)
     assert [type(answer) for answer in answers] == [UnknownScene]
-    withdraw()
+    cancel()
     bench.engine.request(client, render_request(scene="nowhere"), bench.now, answers.append)()
     await asyncio.sleep(0)
     assert len(answers) == 1

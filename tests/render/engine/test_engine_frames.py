@@ -145,7 +145,7 @@ async def test_a_key_frame_follows_a_withdrawn_frame(bench: Bench, monkeypatch: 
 
     def encode_slowly(*what: Any) -> tuple[bytes, VideoInfo]:
         encoded = encode(*what)
-        loop.call_soon_threadsafe(withdraw)
+        loop.call_soon_threadsafe(cancel)
         loop.call_soon_threadsafe(withdrawn.set)
         assert withdrawn.wait(10)
         return encoded
@@ -157,7 +157,7 @@ async def test_a_key_frame_follows_a_withdrawn_frame(bench: Bench, monkeypatch: 
     monkeypatch.setattr(videos, "encode", encode_slowly)
     monkeypatch.setattr(videos, "lost", hear)
     request = render_request(seq=2, format="h264", video=VideoRequest(bitrate_kbps=1000))
-    withdraw = bench.engine.request(ANN, request, bench.now, lambda _: pytest.fail("it was withdrawn"))
+    cancel = bench.engine.request(ANN, request, bench.now, lambda _: pytest.fail("it was withdrawn"))
     await lost.wait()
     monkeypatch.undo()
     assert after(await shown(bench, 3)) is None

@@ -71,7 +71,7 @@ async def test_frames_that_were_on_their_way_when_they_were_withdrawn_leave_no_t
     pipe.frames.held = True
     answers: list[object] = []
     requests = (render_request(), video_request(5))
-    withdraws = [pipe.edge.request(VIEWER, request, 0.0, answers.append) for request in requests]
+    cancels = [pipe.edge.request(VIEWER, request, 0.0, answers.append) for request in requests]
     await eventually(lambda: len(pipe.frames.requests) == 2)
     assert pipe.edge._link is not None
     assert pipe.edge._link._transport is not None
@@ -80,8 +80,8 @@ async def test_frames_that_were_on_their_way_when_they_were_withdrawn_leave_no_t
         pipe.frames.release(request.seq)
     await eventually(lambda: not pipe.link.running)
     assert pipe.link.arena.used > 0
-    for withdraw in (*withdraws, *withdraws):
-        withdraw()
+    for cancel in (*cancels, *cancels):
+        cancel()
     pipe.edge._link._transport.resume_reading()
     await eventually(lambda: pipe.link.arena.used == 0 and pipe.frames.forgotten)
     assert answers == []

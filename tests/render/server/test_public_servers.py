@@ -23,7 +23,7 @@ from tigas_render.server.public_servers import public_servers
 from tigas_render.server.public_sockets import PublicSockets
 from tigas_render.settings import RenderSettings
 from tigas_render.transport.certificate import Certificate
-from tigas_render.transport.shared_port import Share
+from tigas_render.transport.shared_port import PortShare
 
 pytestmark = pytest.mark.anyio
 
@@ -57,7 +57,7 @@ async def served(cache: Path, *, quic: bool = True) -> AsyncIterator[Served]:
             reset_key=bytes(32),
             http=sockets.http,
             https=sockets.https,
-            quic=Share(sockets=sockets.quic[0]) if sockets.quic else None,
+            quic=PortShare(sockets=sockets.quic[0]) if sockets.quic else None,
         ) as renew:
             yield Served(sockets, renew)
 

@@ -21,7 +21,7 @@ from tests.render.fakes import render_request
 from tigas import http3
 from tigas.http3 import Http3Connection, Response, configuration, split_frame
 from tigas_common.wire.render import AnswerFormat, RenderRequest, ServerTiming, VideoInfo
-from tigas_render.frame import Answered, Frame, FrameSource, Withdraw
+from tigas_render.frame import Cancel, Frame, FrameSource, OnAnswer
 from tigas_render.frame import Client as FrameClient
 from tigas_render.transport.certificate import Certificate
 
@@ -127,13 +127,13 @@ class FakeFrames(FrameSource):
         self.arrivals: list[float] = []
         self.cancelled: list[int] = []
         self.forgotten: list[FrameClient] = []
-        self._waiting: dict[int, tuple[RenderRequest, Answered]] = {}
+        self._waiting: dict[int, tuple[RenderRequest, OnAnswer]] = {}
 
-    def request(self, client: FrameClient, request: RenderRequest, arrived: float, answered: Answered) -> Withdraw:
+    def request(self, client: FrameClient, request: RenderRequest, arrived: float, on_answer: OnAnswer) -> Cancel:
         number = len(self.requests)
         self.requests.append((client, request))
         self.arrivals.append(arrived)
-        self._waiting[number] = request, answered
+        self._waiting[number] = request, on_answer
         if self.held is False or (self.held is not True and request.seq not in self.held):
             asyncio.get_running_loop().call_soon(self._answer, number)
         return partial(self._cancel, number)
@@ -147,15 +147,15 @@ class FakeFrames(FrameSource):
             self._answer(number)
 
     def _answer(self, number: int) -> None:
-        request, answered = self._waiting.pop(number, (None, None))
-        if request is None or answered is None:  # it was cancelled
+        request, on_answer = self._waiting.pop(number, (None, None))
+        if request is None or on_answer is None:  # it was cancelled
             return
         x, y = round(320 * request.overscan), round(180 * request.overscan)
         size = (320 + 2 * x, 180 + 2 * y)
         format: AnswerFormat = "h264" if request.format == "h264" else "jpeg"
         video = self.video if request.format == "h264" else None
         frame = Frame(self.body, format, *size, request.seq, request.profile, TIMING, x, y, video, request.coarse)
-        answered(self.error or frame)
+        on_answer(self.error or frame)
 
     def _cancel(self, number: int) -> None:
         if number in self._waiting:

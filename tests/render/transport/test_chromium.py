@@ -56,8 +56,8 @@ async def test_chromium_follows_new_keys_and_does_not_wait_for_a_server_that_has
     keys = set()
 
     class Watched(ServerQuicConnection):
-        def _renew_keys(self, now: float) -> None:
-            super()._renew_keys(now)
+        def _update_keys_if_due(self, now: float) -> None:
+            super()._update_keys_if_due(now)
             keys.add(self._cryptos[Epoch.ONE_RTT].recv.secret)
 
     monkeypatch.setattr(server_module, "ServerQuicConnection", Watched)

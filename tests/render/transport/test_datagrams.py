@@ -16,8 +16,8 @@ from tigas.http3 import split_frame
 from tigas_common.errors import InvalidRequest
 from tigas_render.admission.connections import Usage
 from tigas_render.admission.limits import Limits
-from tigas_render.transport import outlet
-from tigas_render.transport.outlet import FRAGMENT_HEADER, Datagrams, Writer, fragments
+from tigas_render.transport import sending
+from tigas_render.transport.sending import FRAGMENT_HEADER, DatagramSender, SendScheduler, split_into_datagrams
 
 pytestmark = pytest.mark.anyio
 
@@ -58,7 +58,7 @@ async def test_a_client_whose_datagrams_are_too_small_for_frames_is_referred_to_
 
 
 async def test_a_frame_that_takes_too_many_datagrams_is_a_problem(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(outlet, "MAX_FRAGMENTS", 10)
+    monkeypatch.setattr(sending, "MAX_FRAGMENTS", 10)
     async with in_session(FakeFrames(bytes(70_000))) as (_, client, session):
         client.send_datagram(session, request_body(seq=7))
         header, body = split_frame(await in_datagrams(client, 7))
@@ -101,29 +101,29 @@ async def test_a_flood_of_datagrams_is_bounded() -> None:
 @pytest.mark.parametrize(("length", "count"), [(0, 1), (1, 1), (100, 1), (101, 2), (200, 2), (250, 3)])
 def test_fragments_carry_everything(length: int, count: int) -> None:
     answer = bytes(range(length))
-    pieces = fragments(7, answer, max_datagram=100 + FRAGMENT_HEADER.size)
+    pieces = split_into_datagrams(7, answer, max_datagram=100 + FRAGMENT_HEADER.size)
     assert [FRAGMENT_HEADER.unpack_from(piece) for piece in pieces] == [(7, n, count) for n in range(count)]
     assert b"".join(piece[FRAGMENT_HEADER.size :] for piece in pieces) == answer
     assert all(len(piece) == 108 for piece in pieces[:-1])
 
 
 def test_too_many_fragments_are_refused() -> None:
-    assert len(fragments(0, bytes(65_535), max_datagram=9)) == 65_535
+    assert len(split_into_datagrams(0, bytes(65_535), max_datagram=9)) == 65_535
     with pytest.raises(InvalidRequest, match="65,535"):
-        fragments(0, bytes(65_536), max_datagram=9)
+        split_into_datagrams(0, bytes(65_536), max_datagram=9)
 
 
 class Network:
-    """The part of a connection used by an outlet; it takes as many datagrams as a test allows."""
+    """The part of a connection used by a sender; it takes as many datagrams as a test allows."""
 
     max_datagram_payload = 116
 
     def __init__(self) -> None:
-        self.datagram_room = 0
+        self.sendable_datagrams = 0
         self.sent: list[tuple[int, ...]] = []
 
     def send_datagram_frame(self, data: bytes) -> None:
-        self.datagram_room -= 1
+        self.sendable_datagrams -= 1
         self.sent.append(FRAGMENT_HEADER.unpack_from(data, 1))
 
 
@@ -132,19 +132,21 @@ class Session:
 
     def __init__(self) -> None:
         self.network = Network()
-        self.writer = Writer(cast(Any, self.network), cast(Any, None), Limits(), Usage("address"), lambda: None)
-        self.datagrams = Datagrams(self.writer, 0)
+        self.scheduler = SendScheduler(
+            cast(Any, self.network), cast(Any, None), Limits(), Usage("address"), lambda: None
+        )
+        self.datagrams = DatagramSender(self.scheduler, 0)
 
     def sends(self, room: int) -> list[tuple[int, ...]]:
         """Datagrams sent with this much room: seq, fragment and number of fragments of each."""
-        self.network.datagram_room, self.network.sent = room, []
-        self.writer.hand_over()
+        self.network.sendable_datagrams, self.network.sent = room, []
+        self.scheduler.flush()
         return self.network.sent
 
 
 def test_only_the_newest_frame_waits() -> None:
     session = Session()
-    first, second, third = (session.datagrams.next_request() for _ in range(3))
+    first, second, third = (session.datagrams.next_request_number() for _ in range(3))
     session.datagrams.send_frame(first, 1, bytes(1000))
     assert session.sends(room=1) == [(1, 0, 10)]
     session.datagrams.send_frame(third, 3, bytes(150))
@@ -154,14 +156,14 @@ def test_only_the_newest_frame_waits() -> None:
 
 def test_a_problem_goes_first_and_drops_no_frame() -> None:
     session = Session()
-    session.datagrams.send_frame(session.datagrams.next_request(), 1, bytes(150))
-    session.datagrams.send_problem(2, bytes(50))
+    session.datagrams.send_frame(session.datagrams.next_request_number(), 1, bytes(150))
+    session.datagrams.send_error(2, bytes(50))
     assert session.sends(room=9) == [(2, 0, 1), (1, 0, 2), (1, 1, 2)]
 
 
 def test_what_the_path_no_longer_carries_holds_up_nothing() -> None:
     session = Session()
-    session.datagrams.send_frame(session.datagrams.next_request(), 1, bytes(150))
+    session.datagrams.send_frame(session.datagrams.next_request_number(), 1, bytes(150))
     session.network.max_datagram_payload = 60
-    session.datagrams.send_problem(2, bytes(40))
+    session.datagrams.send_error(2, bytes(40))
     assert session.sends(room=9) == [(2, 0, 1), (1, 1, 2)]

@@ -18,7 +18,7 @@ from tigas.http3 import split_frame
 from tigas_common.errors import UnknownScene
 from tigas_common.wire.render import RenderRequest, VideoInfo
 from tigas_render.admission.limits import Limits
-from tigas_render.frame import Answered, Frame, Withdraw
+from tigas_render.frame import Cancel, Frame, OnAnswer
 from tigas_render.frame import Client as FrameClient
 
 pytestmark = pytest.mark.anyio
@@ -269,12 +269,12 @@ class LentFrames(FakeFrames):
 
     lent = 0
 
-    def request(self, client: FrameClient, request: RenderRequest, arrived: float, answered: Answered) -> Withdraw:
+    def request(self, client: FrameClient, request: RenderRequest, arrived: float, on_answer: OnAnswer) -> Cancel:
         def lend(answer: Frame | Exception) -> None:
             assert isinstance(answer, Frame)
             memory = bytearray(answer.body)
             self.lent += 1
-            answered(dataclasses.replace(answer, body=memoryview(memory), on_release=lambda: give_back(memory)))
+            on_answer(dataclasses.replace(answer, body=memoryview(memory), on_release=lambda: give_back(memory)))
 
         def give_back(memory: bytearray) -> None:
             memory[:] = bytes(len(memory))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tigas_render.transport.inbox import MAX_WAITING, Inbox, Received
+from tigas_render.transport.inbox import MAX_WAITING, Inbox, ReceivedDatagram
 
 FLOOD, POLITE = ("192.0.2.1", 1000), ("192.0.2.2", 1000)
 
@@ -17,8 +17,8 @@ def inbox(**counts: int) -> Inbox:
     return inbox
 
 
-def take(inbox: Inbox) -> tuple[str, Received]:
-    taken = inbox.take()
+def take(inbox: Inbox) -> tuple[str, ReceivedDatagram]:
+    taken = inbox.pop()
     assert taken is not None
     return taken
 
@@ -28,7 +28,7 @@ def test_datagrams_are_handled_in_the_order_of_their_arrival() -> None:
     taken = [take(waiting) for _ in range(40)]
     assert [(network, datagram.data) for network, datagram in taken] == [(POLITE[0], b"%d" % n) for n in range(40)]
     assert not waiting
-    assert waiting.take() is None
+    assert waiting.pop() is None
 
 
 def test_a_flood_holds_nobody_else_up() -> None:
@@ -42,7 +42,7 @@ def test_whoever_costs_more_time_gets_fewer_turns() -> None:
     for _ in range(20):
         network, _ = take(waiting)
         turns.append(network)
-        waiting.settle(network, 0.009 if network == FLOOD[0] else 0.001)
+        waiting.charge(network, 0.009 if network == FLOOD[0] else 0.001)
     assert turns.count(FLOOD[0]) in (2, 3)
 
 
@@ -62,10 +62,10 @@ def test_ports_and_mapped_addresses_are_one_sender() -> None:
 
 def test_who_had_enough_is_passed_over() -> None:
     waiting = inbox(flood=1, polite=0)
-    assert waiting.take({FLOOD[0]}) is None
+    assert waiting.pop({FLOOD[0]}) is None
     waiting.add(b"", POLITE, 0.0)
     assert take(waiting)[0] == FLOOD[0]
     waiting.add(b"", FLOOD, 0.0)
-    taken = waiting.take({FLOOD[0]})
+    taken = waiting.pop({FLOOD[0]})
     assert taken is not None
     assert taken[0] == POLITE[0]

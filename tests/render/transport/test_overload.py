@@ -38,7 +38,7 @@ async def test_new_clients_are_refused_and_those_who_are_in_go_on() -> None:
 
 
 async def test_viewers_that_vanish_count_no_more_until_they_are_back(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(quic, "AWAY_S", 0.1)
+    monkeypatch.setattr(quic, "UNRESPONSIVE_S", 0.1)
     load = Load()
     async with served(load=load) as server, connect(server.port) as gone, connect(server.port) as viewer:
         for _ in range(2):
@@ -57,7 +57,7 @@ async def test_viewers_that_vanish_count_no_more_until_they_are_back(monkeypatch
 
 
 async def test_a_server_that_ends_while_viewers_are_away_counts_none(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(quic, "AWAY_S", 0.1)
+    monkeypatch.setattr(quic, "UNRESPONSIVE_S", 0.1)
     load = Load()
     async with served(load=load) as server, connect(server.port) as gone:
         session = await gone.connect_webtransport()

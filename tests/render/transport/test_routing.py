@@ -53,14 +53,14 @@ class Routed(Simulation):
     def wait(self, seconds: float) -> None:
         """The server's timer fires after this time."""
         self.now += seconds
-        self.router.end_late(self.now)
+        self.router.abort_late_streams(self.now)
         self.run()
 
     def _events(self) -> None:
         if hasattr(self, "router"):
             while (event := self.server.next_event()) is not None:
-                self.router.received(event, self.now)
-            self.router.watch(self.server.take_begun(), self.now)
+                self.router.handle_event(event, self.now)
+            self.router.watch_streams(self.server.pop_gapped_streams(), self.now)
         super()._events()
 
     def _client_event(self, event: QuicEvent) -> None:
@@ -90,7 +90,7 @@ async def test_what_is_no_request_in_time_is_ended(start: bytes) -> None:
     assert routed.resets == {}
     routed.wait(1.1)
     assert routed.resets == {stream_id: ErrorCode.H3_REQUEST_INCOMPLETE}
-    assert routed.router.deadline is None
+    assert routed.router.next_deadline is None
     assert routed.terminated is None
 
 
@@ -120,7 +120,7 @@ async def test_what_one_connection_has_open_counts_for_its_address() -> None:
     rejected = routed.upload(HALF_HEADERS)
     assert routed.resets == {rejected: ErrorCode.H3_REQUEST_REJECTED}
     routed.router.close()
-    await routed.router.end_tasks()
+    await routed.router.cancel_tasks()
     assert routed.usage.requests == 1
 
 
@@ -141,7 +141,7 @@ async def test_a_request_that_arrives_in_two_parts_is_a_request() -> None:
     await eventually(lambda: routed.seen == ["/"])
     routed.wait(20.0)
     assert routed.resets == {}
-    await routed.router.end_tasks()
+    await routed.router.cancel_tasks()
 
 
 async def test_settings_that_never_end_end_the_connection() -> None:

@@ -85,10 +85,10 @@ async def test_a_burst_of_connections_of_one_address_holds_nobody_else_up(monkey
 async def test_hundreds_behind_one_address_are_handled_in_few_turns_and_hold_nobody_else_up(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(server_module, "TURNS_S", 20.0)  # so that the count alone ends a turn
+    monkeypatch.setattr(server_module, "TIME_SLICE_S", 20.0)  # so that the count alone ends a turn
     turns: list[list[str]] = []
     async with served() as server, connect(server.port), connect(server.port, source=OTHER):
-        monkeypatch.setattr(server, "_handle", lambda datagram: turns[-1].append(datagram.address[0]))
+        monkeypatch.setattr(server, "_handle_datagram", lambda datagram: turns[-1].append(datagram.address[0]))
         now = time.monotonic()
         for port in range(1000, 1400):
             server._inbox.add(bytes(50), ("127.0.0.1", port), now)
@@ -96,7 +96,7 @@ async def test_hundreds_behind_one_address_are_handled_in_few_turns_and_hold_nob
             if len(turns) == 2:
                 server._inbox.add(bytes(50), (OTHER, 1000), now)
             turns.append([])
-            server._take_turns()
+            server._process_inbox()
         assert turns[2].count(OTHER) == 1
         assert len(turns) < 60
         assert max(map(len, turns)) <= 400 / 8 + 2
@@ -293,7 +293,7 @@ async def test_a_flood_of_requests_and_cancellations_leaves_nothing_behind() -> 
         (connection,) = server._connections
         assert connection.router is not None
         async with asyncio.timeout(20):
-            await connection.router.finish()
+            await connection.router.drain()
         await client.frame(session, request_body())
         assert len(connection.router._h3._stream) <= 6, "the session and the control streams"
         await eventually(lambda: len(connection._quic._streams) <= 8)
@@ -309,5 +309,5 @@ async def test_a_connection_that_has_ended_waits_for_no_request() -> None:
         connection.router._unfinished[0] = 0.0  # as a stream does that came with the last packets
         connection._quic._credit_at = 0.0  # as after streams that were reset
         connection.transmit()
-        assert connection.router.deadline is not None
+        assert connection.router.next_deadline is not None
         assert connection._due is None

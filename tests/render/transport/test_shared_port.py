@@ -16,7 +16,15 @@ from tests.render.transport.serving import hello
 from tigas_common.udp import bind_all, bind_another
 from tigas_render.admission.limits import Limits
 from tigas_render.transport.server import Http3Server
-from tigas_render.transport.shared_port import MOST_AHEAD, Edge, EdgeCounts, Share, TicketStore, counts_file, steer
+from tigas_render.transport.shared_port import (
+    MAX_LEAD,
+    Edge,
+    EdgeCounts,
+    PortShare,
+    TicketStore,
+    attach_steering,
+    open_counts_file,
+)
 
 LONG, SHORT = b"\xc3\x00\x00\x00\x01\x08", b"\x41"
 
@@ -26,9 +34,9 @@ def test_every_id_names_its_edge(edges: int) -> None:
     for number in range(edges):
         edge = Edge(number, edges)
         for first in range(256):
-            cid = edge.named(bytes((first,)) + os.urandom(7))
+            cid = edge.mark_cid(bytes((first,)) + os.urandom(7))
             assert (len(cid), cid[0] % edges) == (8, number)
-            assert edge.named(cid) == cid
+            assert edge.mark_cid(cid) == cid
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "::1", "::"])
@@ -37,11 +45,11 @@ def test_the_kernel_delivers_every_datagram_to_the_socket_that_it_names(edges: i
     with ExitStack() as stack:
         [first] = map(stack.enter_context, bind_all(host, 0))
         sockets = [first, *(stack.enter_context(bind_another(first)) for _ in range(edges - 1))]
-        assert steer(first, edges)
+        assert attach_steering(first, edges)
         target = (host if host != "::" else "::1", first.getsockname()[1])
         for _ in range(200):
             number = random.randrange(edges)
-            data = random.choice((LONG, SHORT)) + Edge(number, edges).named(os.urandom(8)) + b"rest"
+            data = random.choice((LONG, SHORT)) + Edge(number, edges).mark_cid(os.urandom(8)) + b"rest"
             with socket.socket(first.family, socket.SOCK_DGRAM) as client:  # each from a different port
                 client.sendto(data, target)
             sockets[number].settimeout(2)
@@ -60,11 +68,11 @@ def test_a_port_that_is_shared_cannot_be_bound_by_another_service() -> None:
 async def test_a_retry_token_is_good_at_the_edge_that_its_client_comes_to() -> None:
     [first] = bind_all("127.0.0.1", 0)
     sockets = (first, bind_another(first))
-    assert steer(first, 2)
+    assert attach_steering(first, 2)
     key, strict = bytes(range(16)), Limits(unvalidated=0)  # so that every client has to prove its address
     async with AsyncExitStack() as stack:
         for number in range(2):
-            share = Share(Edge(number, 2), (sockets[number],), key)
+            share = PortShare(Edge(number, 2), (sockets[number],), key)
             await stack.enter_async_context(Http3Server(hello, certificate=CERTIFICATE, limits=strict, share=share))
         moved = 0
         for _ in range(10):
@@ -82,12 +90,12 @@ async def test_new_clients_are_sent_to_the_edge_with_the_fewest_connections() ->
     edges, clients = 3, 12
     [first] = bind_all("127.0.0.1", 0)
     sockets = (first, *(bind_another(first) for _ in range(edges - 1)))
-    assert steer(first, edges)
+    assert attach_steering(first, edges)
     async with AsyncExitStack() as stack:
-        fd = stack.enter_context(counts_file(edges))
+        fd = stack.enter_context(open_counts_file(edges))
         servers = []
         for number in range(edges):
-            share = Share(Edge(number, edges), (sockets[number],), bytes(16), counts=EdgeCounts(fd, number, edges))
+            share = PortShare(Edge(number, edges), (sockets[number],), bytes(16), counts=EdgeCounts(fd, number, edges))
             server = Http3Server(hello, certificate=CERTIFICATE, share=share)
             servers.append(await stack.enter_async_context(server))
         for _ in range(clients):
@@ -95,19 +103,19 @@ async def test_new_clients_are_sent_to_the_edge_with_the_fewest_connections() ->
             assert (await client.fetch("GET", "/")).status == 200
         counts = [server.connections for server in servers]
         assert sum(counts) == clients
-        assert max(counts) - min(counts) <= 1 + MOST_AHEAD
+        assert max(counts) - min(counts) <= 1 + MAX_LEAD
 
 
 def test_an_edge_sends_clients_away_only_if_another_has_markedly_fewer() -> None:
-    with counts_file(3) as fd:
+    with open_counts_file(3) as fd:
         one, two, three = (EdgeCounts(fd, number, 3) for number in range(3))
         two.update(5)
         three.update(4)
-        assert (one.emptier(), two.emptier(), three.emptier()) == (None, 0, 0)
+        assert (one.less_loaded_edge(), two.less_loaded_edge(), three.less_loaded_edge()) == (None, 0, 0)
         one.update(3)
-        assert (one.emptier(), two.emptier(), three.emptier()) == (None, 0, None)
-        assert EdgeCounts(fd, 1, 3).emptier() is None, "an edge that is started again has no connections"
-        assert one.emptier() == 1
+        assert (one.less_loaded_edge(), two.less_loaded_edge(), three.less_loaded_edge()) == (None, 0, None)
+        assert EdgeCounts(fd, 1, 3).less_loaded_edge() is None, "an edge that is started again has no connections"
+        assert one.less_loaded_edge() == 1
 
 
 def ticket(label: bytes) -> SessionTicket:
@@ -120,6 +128,6 @@ def test_a_ticket_is_taken_once_and_the_oldest_make_room() -> None:
     for label in (b"1", b"2", b"3", b"4"):
         store.add(ticket(label))
     assert [each.ticket for each in store] == [b"2", b"3", b"4"]
-    assert store.take(b"1") is None
-    assert store.take(b"4") is not None
-    assert store.take(b"4") is None
+    assert store.pop(b"1") is None
+    assert store.pop(b"4") is not None
+    assert store.pop(b"4") is None

@@ -11,7 +11,7 @@ from tigas_render.transport.stateless import (
     RESET_TOKEN_LENGTH,
     RESETS_PER_S,
     RETRY_TOKEN_S,
-    Retries,
+    RetryPackets,
     StatelessResets,
 )
 
@@ -20,15 +20,15 @@ KEY, CID = bytes(32), bytes(8)
 
 
 def test_a_retry_token_is_for_one_address_one_id_and_a_while() -> None:
-    retries = Retries()
-    token = retries.token(ADDRESS, b"original", b"retry", now=100.0)
+    retries = RetryPackets()
+    token = retries.create_token(ADDRESS, b"original", b"retry", now=100.0)
     assert retries.validate(token, ADDRESS, b"retry", now=100.0 + RETRY_TOKEN_S) == b"original"
     assert retries.validate(token, ADDRESS, b"retry", now=100.1 + RETRY_TOKEN_S) is None
     for address, cid in ((("192.0.2.2", 4433), b"retry"), (("192.0.2.1", 4434), b"retry"), (ADDRESS, b"other")):
         assert retries.validate(token, address, cid, now=100.0) is None
     for forged in (b"", b"short", token[:-1], token[:-1] + bytes([token[-1] ^ 1]), bytes(len(token))):
         assert retries.validate(forged, ADDRESS, b"retry", now=100.0) is None
-    assert Retries().validate(token, ADDRESS, b"retry", now=100.0) is None
+    assert RetryPackets().validate(token, ADDRESS, b"retry", now=100.0) is None
 
 
 def test_the_next_server_on_the_port_makes_the_same_reset_tokens_and_no_other_does() -> None:
@@ -45,7 +45,7 @@ def test_the_next_server_on_the_port_makes_the_same_reset_tokens_and_no_other_do
 @given(size=st.integers(MIN_RESET + 1, 1500))
 def test_a_reset_looks_like_a_packet_and_is_shorter_than_what_it_answers(size: int) -> None:
     resets = StatelessResets(KEY, 4433)
-    packet = resets.packet(size, CID, now=0.0)
+    packet = resets.create(size, CID, now=0.0)
     assert packet is not None
     assert MIN_RESET <= len(packet) < size
     assert packet[0] & 0xC0 == 0x40, "a short header"
@@ -54,11 +54,11 @@ def test_a_reset_looks_like_a_packet_and_is_shorter_than_what_it_answers(size: i
 
 @pytest.mark.parametrize("size", [9, MIN_RESET])
 def test_what_is_too_short_to_be_answered_by_something_shorter_is_not(size: int) -> None:
-    assert StatelessResets(KEY, 4433).packet(size, CID, now=0.0) is None
+    assert StatelessResets(KEY, 4433).create(size, CID, now=0.0) is None
 
 
 def test_a_flood_is_not_answered_with_one() -> None:
     resets = StatelessResets(KEY, 4433)
-    packets = [resets.packet(1200, CID, now=5 + number / 1000) for number in range(1000)]
+    packets = [resets.create(1200, CID, now=5 + number / 1000) for number in range(1000)]
     assert sum(packet is not None for packet in packets) == RESETS_PER_S
-    assert resets.packet(1200, CID, now=6.0) is not None
+    assert resets.create(1200, CID, now=6.0) is not None

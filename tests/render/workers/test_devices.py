@@ -63,7 +63,7 @@ def test_several_edges_are_for_machines_with_a_gpu_and_cores_to_spare(cores: int
 def test_a_kernel_that_cannot_steer_datagrams_gets_one_edge(gpus: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(devices_module, "usable_processors", lambda: 16)
     assert edges_for(RenderSettings(), 2) == 6
-    monkeypatch.setattr(devices_module, "steer", lambda *_: False)
+    monkeypatch.setattr(devices_module, "attach_steering", lambda *_: False)
     assert edges_for(RenderSettings(), 2) == 1
 
 

@@ -21,7 +21,7 @@ from tigas_render.engine.frame_size import FrameSize
 from tigas_render.engine.metrics import EngineMetrics
 from tigas_render.engine.work import CallbackQueue, LoadedScene, SceneUse, Work
 from tigas_render.engine.work_queue import STOPPING, WorkQueue
-from tigas_render.frame import Answered, Client, Frame, FrameSource, Withdraw
+from tigas_render.frame import Cancel, Client, Frame, FrameSource, OnAnswer
 from tigas_render.raster.base import Rasterizer
 from tigas_render.raster.lanes import LaneRasterizer
 
@@ -82,7 +82,7 @@ class Engine(FrameSource):
         await asyncio.gather(*self._loading, return_exceptions=True)
         self._answers.deliver()
 
-    def request(self, client: Client, request: RenderRequest, arrived: float, answered: Answered) -> Withdraw:
+    def request(self, client: Client, request: RenderRequest, arrived: float, on_answer: OnAnswer) -> Cancel:
         """Request a frame, as in `FrameSource.request`; `arrived` is a time of the engine's clock.
 
         The answer may be InvalidRequest for a rung beyond the scene's ladder, UnknownScene, BrokenScene, Superseded,
@@ -90,7 +90,7 @@ class Engine(FrameSource):
         """
         may_be_coarse = request.coarse and request.detail == "auto" and request.format != "png"
         use = self._scenes.use(request.scene, coarse=may_be_coarse)
-        work = Work(client, request, arrived, use, answered)
+        work = Work(client, request, arrived, use, on_answer)
         try:
             scene = work.use.enter_if_loaded()
             if scene is None:
@@ -101,7 +101,7 @@ class Engine(FrameSource):
                 self._begin(work, scene)
         except TigasError as error:
             self._post(work, error)
-        return partial(self._withdraw, work)
+        return partial(self._cancel, work)
 
     def forget(self, client: Client) -> None:
         self.videos.forget(client)
@@ -147,10 +147,10 @@ class Engine(FrameSource):
         work.size = FrameSize.of(request, ladder)
         self._queue.push(work)
 
-    def _withdraw(self, work: Work) -> None:
+    def _cancel(self, work: Work) -> None:
         if work.is_over:
             return
-        work.answered = None
+        work.on_answer = None
         self._metrics.count("cancelled")
         if work.loading is not None:
             work.loading.cancel()
@@ -197,8 +197,8 @@ class Engine(FrameSource):
     def _answer(self, work: Work, result: Frame | Exception) -> None:
         if isinstance(result, DeviceLost):
             self.lose_device(result)
-        answered, work.answered = work.answered, None
-        if answered is None:
+        on_answer, work.on_answer = work.on_answer, None
+        if on_answer is None:
             self._lost(work, result)
             return
         if work.is_entered:
@@ -208,7 +208,7 @@ class Engine(FrameSource):
         elif isinstance(result, TigasError):
             self._metrics.count(result.type)
         try:
-            answered(result)
+            on_answer(result)
         except Exception:  # one viewer's failure must not affect the others
             logger.exception("An answer was not delivered")
             if isinstance(result, Frame):

@@ -12,7 +12,7 @@ from typing import Generic, Protocol, TypeVar
 from tigas_common.errors import DeadlineExceeded
 from tigas_common.wire.render import RenderRequest, Rung
 from tigas_render.engine.frame_size import FrameSize
-from tigas_render.frame import Answered, Client
+from tigas_render.frame import Client, OnAnswer
 from tigas_render.raster.base import PreparedScene
 
 Item = TypeVar("Item")
@@ -62,7 +62,7 @@ class Work:
     arrived: float
     """When the request arrived, in seconds of the engine's clock."""
     use: SceneUse
-    answered: Answered | None
+    on_answer: OnAnswer | None
     """Callback for the frame or error; None once the request is answered or cancelled."""
     loading: asyncio.Task[None] | None = None
     """The task that waits for the scene to load."""
@@ -84,7 +84,7 @@ class Work:
     @property
     def is_over(self) -> bool:
         """Whether the frame is no longer wanted."""
-        return self.answered is None
+        return self.on_answer is None
 
     def check_deadline(self, ready_at: float) -> None:
         """Raise DeadlineExceeded if a frame that is ready at this time would be too late."""

@@ -14,7 +14,7 @@ from typing import Any, Final, Self
 from tigas_common.errors import Overloaded, TigasError
 from tigas_common.wire.render import RenderRequest
 from tigas_render.admission.load import LoadState
-from tigas_render.frame import Answered, Client, Frame, FrameSource, Withdraw
+from tigas_render.frame import Cancel, Client, Frame, FrameSource, OnAnswer
 from tigas_render.pipe.arena import PASSED, map_arena
 from tigas_render.pipe.link import Kind, Link, framed
 from tigas_render.pipe.messages import pack_request, unpack_frame
@@ -76,10 +76,10 @@ class PipeClient(FrameSource):
         if self._link is not None:
             self._link.abort(reason)
 
-    def request(self, client: Client, request: RenderRequest, arrived: float, answered: Answered) -> Withdraw:
+    def request(self, client: Client, request: RenderRequest, arrived: float, on_answer: OnAnswer) -> Cancel:
         if self._link is None or self._link.lost.done():
-            return no_engine(answered)
-        return self._link.request(client, request, arrived, answered)
+            return no_engine(on_answer)
+        return self._link.request(client, request, arrived, on_answer)
 
     def forget(self, client: Client) -> None:
         if self._link is not None:
@@ -128,7 +128,7 @@ class EngineLink(Link):
         super().__init__()
         self._arena = arena
         self._on_state = on_state
-        self._waiting: dict[int, Answered] = {}
+        self._waiting: dict[int, OnAnswer] = {}
         """Pending requests by the edge's request number."""
         self._next = 0
         self.lost: asyncio.Future[None] = self._loop.create_future()
@@ -139,15 +139,15 @@ class EngineLink(Link):
             self.lost.set_result(None)
         self._arena = memoryview(b"")  # the memory is released with the last frame in it
         waiting, self._waiting = self._waiting, {}
-        for answered in waiting.values():
-            _call(answered, EngineGone())
+        for on_answer in waiting.values():
+            _call(on_answer, EngineGone())
 
-    def request(self, client: Client, request: RenderRequest, arrived: float, answered: Answered) -> Withdraw:
+    def request(self, client: Client, request: RenderRequest, arrived: float, on_answer: OnAnswer) -> Cancel:
         id = self._next
         self._next = id + 1
         self.send(pack_request(id, client, arrived, time.monotonic(), request))
-        self._waiting[id] = answered
-        return partial(self._withdraw, id, tuple(client) if request.video is not None else None)
+        self._waiting[id] = on_answer
+        return partial(self._cancel, id, tuple(client) if request.video is not None else None)
 
     def forget(self, client: Client) -> None:
         self.send(framed(Kind.FORGET, tuple(client)))
@@ -165,34 +165,34 @@ class EngineLink(Link):
 
     def _frame(self, id: int, offset: int, length: int, *values: Any) -> None:
         frame = unpack_frame(self._arena[offset : offset + length], values, partial(self._release, offset))
-        if (answered := self._waiting.pop(id, None)) is None:  # withdrawn while the frame was on its way
+        if (on_answer := self._waiting.pop(id, None)) is None:  # withdrawn while the frame was on its way
             frame.release()
         else:
-            _call(answered, frame)
+            _call(on_answer, frame)
 
     def _failure(self, id: int, kind: type[TigasError], detail: str, retry_after_s: float | None) -> None:
-        if (answered := self._waiting.pop(id, None)) is not None:
-            _call(answered, kind(detail, retry_after_s))
+        if (on_answer := self._waiting.pop(id, None)) is not None:
+            _call(on_answer, kind(detail, retry_after_s))
 
     def _release(self, offset: int) -> None:
         self.send_with_next(framed(Kind.RELEASE, offset))
 
-    def _withdraw(self, id: int, video_of: tuple[str, ...] | None) -> None:
+    def _cancel(self, id: int, video_of: tuple[str, ...] | None) -> None:
         """video_of: the client, if the frame belongs to a video."""
         if self._waiting.pop(id, None) is not None:
-            self.send(framed(Kind.WITHDRAW, id, video_of))
+            self.send(framed(Kind.CANCEL, id, video_of))
 
 
-def _call(answered: Answered, answer: Frame | Exception) -> None:
+def _call(on_answer: OnAnswer, answer: Frame | Exception) -> None:
     try:
-        answered(answer)
+        on_answer(answer)
     except Exception:  # all viewers share the pipe
         logger.exception("An answer was not delivered")
 
 
-def no_engine(answered: Answered) -> Withdraw:
+def no_engine(on_answer: OnAnswer) -> Cancel:
     """Answer a request with an error because it cannot reach an engine."""
-    return asyncio.get_running_loop().call_soon(answered, EngineGone()).cancel
+    return asyncio.get_running_loop().call_soon(on_answer, EngineGone()).cancel
 
 
 async def _receive_arena(sock: socket.socket) -> memoryview:

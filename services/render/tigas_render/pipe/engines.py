@@ -20,7 +20,7 @@ from tigas_common.errors import DeviceLost, UnknownScene
 from tigas_common.placement import Placement, ranked
 from tigas_common.wire.render import RenderRequest
 from tigas_render.admission.load import LoadState
-from tigas_render.frame import Answered, Client, Frame, FrameSource, Withdraw
+from tigas_render.frame import Cancel, Client, Frame, FrameSource, OnAnswer
 from tigas_render.pipe.client import EngineGone, OnState, PipeClient, no_engine
 from tigas_render.pipe.remote_engine import REFUSALS, RemoteEngine
 
@@ -115,13 +115,13 @@ class Engines(FrameSource):
         for engine in self._engines.values():
             engine.pipe.tell(state)
 
-    def request(self, client: Client, request: RenderRequest, arrived: float, answered: Answered) -> Withdraw:
+    def request(self, client: Client, request: RenderRequest, arrived: float, on_answer: OnAnswer) -> Cancel:
         engine = self._choose(client, request, self.up())
         if engine is None:
-            return no_engine(answered)
-        asked = _Asked(self, engine, client, request, arrived, answered)
+            return no_engine(on_answer)
+        asked = _Asked(self, engine, client, request, arrived, on_answer)
         asked.begin()
-        return asked.withdraw
+        return asked.cancel_request
 
     def forget(self, client: Client) -> None:
         if (engine := self._videos.pop(client, None)) is not None:
@@ -203,16 +203,16 @@ class _Asked:
     client: Client
     request: RenderRequest
     arrived: float
-    answered: Answered
+    on_answer: OnAnswer
     is_second: bool = False
-    cancel: Withdraw = field(init=False)
+    cancel: Cancel = field(init=False)
 
     def begin(self) -> None:
         if self.request.video is not None:
             self.engines.encodes(self.engine, self.client)
         self.cancel = self.engine.pipe.request(self.client, self.request, self.arrived, self.take)
 
-    def withdraw(self) -> None:
+    def cancel_request(self) -> None:
         self.cancel()
 
     def take(self, answer: Frame | Exception) -> None:
@@ -223,4 +223,4 @@ class _Asked:
                 self.is_second, self.engine = True, other
                 self.begin()
                 return
-        self.answered(answer)
+        self.on_answer(answer)

@@ -29,7 +29,7 @@ class Kind(IntEnum):
 
     # the edge
     REQUEST = 1
-    WITHDRAW = 2
+    CANCEL = 2
     RELEASE = 3
     FORGET = 4
     STATS = 5

@@ -102,14 +102,14 @@ class RemoteEngine:
             return
         self._warming.add(scene)
 
-        def answered(answer: Frame | Exception) -> None:
+        def on_answer(answer: Frame | Exception) -> None:
             self._warming.discard(scene)
             self.note(scene, answer)
             if isinstance(answer, Frame):
                 answer.release()
 
         patient = request.model_copy(update={"deadline_ms": None, "format": "jpeg", "video": None, "coarse": False})
-        self.pipe.request(WARMING, patient, self._clock(), answered)
+        self.pipe.request(WARMING, patient, self._clock(), on_answer)
 
     def note(self, scene: str, answer: Frame | Exception) -> None:
         """Record the information in an answer about the engine and the scene."""

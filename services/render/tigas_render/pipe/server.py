@@ -15,7 +15,7 @@ from typing import Any, Final
 
 from tigas_common.errors import Overloaded, TigasError
 from tigas_render.admission.load import LoadState
-from tigas_render.frame import Client, Frame, FrameSource, Withdraw
+from tigas_render.frame import Cancel, Client, Frame, FrameSource
 from tigas_render.pipe.arena import PASSED, Arena
 from tigas_render.pipe.link import Kind, Link, framed
 from tigas_render.pipe.messages import pack_failure, pack_frame, unpack_request
@@ -128,7 +128,7 @@ class EdgeLink(Link):
         self._server = server
         self.arena = arena
         self._connection = connection
-        self.running: dict[int, Withdraw] = {}
+        self.running: dict[int, Cancel] = {}
         """Functions that cancel the running requests, by the edge's request number."""
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
@@ -140,8 +140,8 @@ class EdgeLink(Link):
         if self.reason is not None:
             logger.error("An edge was disconnected: %s", self.reason)
         running, self.running = self.running, {}
-        for withdraw in running.values():
-            withdraw()
+        for cancel in running.values():
+            cancel()
         self.arena.close()
 
     def received(self, kind: int, values: tuple[Any, ...]) -> None:
@@ -150,8 +150,8 @@ class EdgeLink(Link):
                 self._request(*values)
             case Kind.RELEASE:
                 self.arena.free(*values)
-            case Kind.WITHDRAW:
-                self._withdraw(*values)
+            case Kind.CANCEL:
+                self._cancel(*values)
             case Kind.FORGET:
                 self._server.source.forget(self._client(*values))
             case Kind.STATS:
@@ -168,18 +168,18 @@ class EdgeLink(Link):
         client = self._client(sender)
         self._server.longest_in_pipe_s = max(self._server.longest_in_pipe_s, time.monotonic() - sent)
         self.running[id] = self._server.source.request(
-            client, unpack_request(values), arrived, partial(self._answered, id, client)
+            client, unpack_request(values), arrived, partial(self._on_answer, id, client)
         )
 
-    def _withdraw(self, id: int, video_of: tuple[Any, ...] | None) -> None:
+    def _cancel(self, id: int, video_of: tuple[Any, ...] | None) -> None:
         """video_of: the client, if the frame belongs to a video."""
-        withdraw = self.running.pop(id, None)
-        if withdraw is not None:
-            withdraw()
+        cancel = self.running.pop(id, None)
+        if cancel is not None:
+            cancel()
         elif video_of is not None:  # the answer is on its way, and will not be delivered
             self._server.source.forget(self._client(video_of))
 
-    def _answered(self, id: int, client: Client, answer: Frame | Exception) -> None:
+    def _on_answer(self, id: int, client: Client, answer: Frame | Exception) -> None:
         del self.running[id]
         if isinstance(answer, Frame):
             self.send(self._packed(id, client, answer))

@@ -24,7 +24,7 @@ from tigas_render.server.public_servers import public_servers
 from tigas_render.server.public_sockets import PublicSockets
 from tigas_render.server.service import RenderService
 from tigas_render.settings import RenderSettings
-from tigas_render.transport.shared_port import Share
+from tigas_render.transport.shared_port import PortShare
 
 logger = logging.getLogger(__name__)
 
@@ -56,7 +56,7 @@ async def serve(settings: RenderSettings) -> None:
                 reset_key=kept_key(settings.cache / "stateless-reset.key"),
                 http=sockets.http,
                 https=sockets.https,
-                quic=Share(sockets=sockets.quic[0]) if sockets.quic else None,
+                quic=PortShare(sockets=sockets.quic[0]) if sockets.quic else None,
             )
         )
         keeper.on_renewal(renew)

@@ -22,7 +22,7 @@ from tigas_render.settings import RenderSettings
 from tigas_render.transport.certificate import Certificate
 from tigas_render.transport.frames import render_session
 from tigas_render.transport.server import Http3Server
-from tigas_render.transport.shared_port import Share
+from tigas_render.transport.shared_port import PortShare
 
 
 @asynccontextmanager
@@ -37,7 +37,7 @@ async def public_servers(
     reset_key: bytes,
     http: socket.socket,
     https: socket.socket | None,
-    quic: Share | None,
+    quic: PortShare | None,
     edges: int = 1,
 ) -> AsyncIterator[Callable[[Certificate], None]]:
     """Serve, as a context manager that yields a function to replace the certificate for new connections.

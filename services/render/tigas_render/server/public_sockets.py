@@ -16,7 +16,7 @@ from tigas_common.limits import HttpLimits
 from tigas_common.runner import explained
 from tigas_common.udp import bind_all, bind_another
 from tigas_render.settings import RenderSettings
-from tigas_render.transport.shared_port import steer
+from tigas_render.transport.shared_port import attach_steering
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +58,7 @@ class PublicSockets:
                         _group(first, edges, stack) for first in bind_all(settings.quic.host, settings.quic.port)
                     ]
                 quic = tuple(zip(*families, strict=True))
-                if edges > 1 and not all(steer(family[0], edges) for family in families):
+                if edges > 1 and not all(attach_steering(family[0], edges) for family in families):
                     raise StartError("This kernel cannot share a port among edges; start the service with --edges 1.")
             https = None if settings.https is None else _listen(settings.https, "--https", settings, stack)
             http = _listen(settings.http, "--http", settings, stack)

@@ -38,7 +38,7 @@ from tigas_render.engine.engine import Engine
 from tigas_render.engine.metrics import EngineMetrics
 from tigas_render.enhance.shelf import Shelf
 from tigas_render.enhance.trainer import NoTraining, Trainer, why_no_training
-from tigas_render.frame import Answered, Client, Frame, FrameSource, Withdraw
+from tigas_render.frame import Cancel, Client, Frame, FrameSource, OnAnswer
 from tigas_render.raster.base import Rasterizer
 from tigas_render.scenes.coarse import CoarseScenes
 from tigas_render.scenes.registry import SceneRegistry
@@ -192,11 +192,11 @@ class RenderService(FrameSource):
         """Whether a page that was opened at `host` can reach QUIC there; on loopback, only a local page can."""
         return self.settings.quic is not None and (not self.settings.quic.is_loopback or is_loopback(host))
 
-    def request(self, client: Client, request: RenderRequest, arrived: float, answered: Answered) -> Withdraw:
+    def request(self, client: Client, request: RenderRequest, arrived: float, on_answer: OnAnswer) -> Cancel:
         def note(answer: Frame | Exception) -> None:
             if isinstance(answer, Frame):
                 self.registry.viewed(request.scene)
-            answered(answer)
+            on_answer(answer)
 
         return self.engine.request(client, request, arrived, note)
 

@@ -69,16 +69,16 @@ class Certificate:
         return self.x509.public_bytes(serialization.Encoding.PEM)
 
     @property
-    def with_key(self) -> bytes:
-        """Private key and certificate in PEM format, the input of `with_its_key`."""
+    def pem_with_key(self) -> bytes:
+        """Private key and certificate in PEM format, the input of `from_pem_with_key`."""
         key = self.private_key.private_bytes(
             serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
         )
         return key + self.pem
 
     @classmethod
-    def with_its_key(cls, pem: bytes) -> Certificate:
-        """Load a certificate that another process created, from the PEM of `with_key`."""
+    def from_pem_with_key(cls, pem: bytes) -> Certificate:
+        """Load a certificate that another process created, from the PEM of `pem_with_key`."""
         key = serialization.load_pem_private_key(pem, None)
         assert isinstance(key, ec.EllipticCurvePrivateKey)
         return cls(x509.load_pem_x509_certificate(pem), key)
@@ -112,7 +112,7 @@ class Certificate:
         """
         with tempfile.TemporaryDirectory(prefix="tigas-") as directory:  # made with mode 0700
             path = Path(directory) / "certificate.pem"
-            path.write_bytes(self.with_key)
+            path.write_bytes(self.pem_with_key)
             context.load_cert_chain(path)
 
 

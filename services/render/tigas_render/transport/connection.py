@@ -32,10 +32,10 @@ millisecond, which is too coarse for round trips and pacing.
 class Connections:
     """All connections of a server, by connection id and by address."""
 
-    def __init__(self, send: Callable[[list[Datagram]], None], counted: Callable[[int], None]) -> None:
-        """send: sends datagrams to one address. counted: called with the number of connections when it changes."""
+    def __init__(self, send: Callable[[list[Datagram]], None], on_count_change: Callable[[int], None]) -> None:
+        """send: sends datagrams to one address. on_count_change: called with the new number of connections."""
         self.send = send
-        self._counted = counted
+        self._on_count_change = on_count_change
         self._cids: dict[Connection, set[bytes]] = {}
         """The connection ids that each connection's client may use."""
         self.by_cid: dict[bytes, Connection] = {}
@@ -55,18 +55,18 @@ class Connections:
         """Add a connection, with the connection ids that its client may use at first."""
         self._cids[connection] = set()
         for cid in cids:
-            self.issued(connection, cid)
+            self.add_cid(connection, cid)
         self.handshaking.add(connection)
         self.usage[connection.usage.address] = connection.usage
         connection.usage.connections += 1
-        self._counted(len(self._cids))
+        self._on_count_change(len(self._cids))
 
-    def issued(self, connection: Connection, cid: bytes) -> None:
+    def add_cid(self, connection: Connection, cid: bytes) -> None:
         """Record that the client may use a connection id from now on."""
         self.by_cid[cid] = connection
         self._cids[connection].add(cid)
 
-    def retired(self, connection: Connection, cid: bytes) -> None:
+    def remove_cid(self, connection: Connection, cid: bytes) -> None:
         """Record that the client no longer uses a connection id."""
         self.by_cid.pop(cid, None)
         self._cids[connection].discard(cid)
@@ -79,7 +79,7 @@ class Connections:
             return
         for cid in self._cids.pop(connection):
             self.by_cid.pop(cid, None)
-        self._counted(len(self._cids))
+        self._on_count_change(len(self._cids))
         connection.usage.connections -= 1
         if not connection.usage.connections:
             del self.usage[connection.usage.address]
@@ -144,20 +144,20 @@ class Connection:
     def _transmit(self) -> None:
         more = True
         while more:
-            more = self.router is not None and self.router.writer.hand_over()
+            more = self.router is not None and self.router.scheduler.flush()
             datagrams = self._quic.datagrams_to_send(now=_now())
             if not datagrams:
                 break
             self._connections.send(datagrams)
         if self.router is not None:
-            self.router.writer.wake()
-            self.router.set_away(self._quic.is_away(_now()))
+            self.router.scheduler.resume_streams()
+            self.router.set_unresponsive(self._quic.is_unresponsive(_now()))
         due = self._quic.get_timer()
-        late = self.router.deadline if self.router is not None else None
+        late = self.router.next_deadline if self.router is not None else None
         self._due = due if due is None or late is None else min(due, late)  # None once the connection has ended
-        self._arm()
+        self._set_timer()
 
-    def _arm(self) -> None:
+    def _set_timer(self) -> None:
         if self._due is None or (self._timer is not None and self._timer_at <= self._due):
             return
         if self._timer is not None:
@@ -169,13 +169,13 @@ class Connection:
         now = max(self._timer_at, _now())
         self._timer = None
         if self._due is None or self._due > now:
-            self._arm()
+            self._set_timer()
             return
         try:
             self._quic.handle_timer(now=now)
             self._process_events(now)
             if self.router is not None:
-                self.router.end_late(now)
+                self.router.abort_late_streams(now)
         except Exception:
             self._fail()
         self.transmit()
@@ -189,7 +189,7 @@ class Connection:
     def close(self, error_code: int = ErrorCode.H3_NO_ERROR, reason: str = "") -> None:
         """Close the connection; running requests end as if the client had cancelled them."""
         self._quic.close(error_code=error_code, reason_phrase=reason)
-        self._end_everything()
+        self._clean_up()
         self.transmit()
 
     def abandon(self) -> None:
@@ -200,9 +200,9 @@ class Connection:
             self._timer.cancel()
         if self._transmit_handle is not None:
             self._transmit_handle.cancel()
-        self._end_everything()
+        self._clean_up()
 
-    def _end_everything(self) -> None:
+    def _clean_up(self) -> None:
         self._handshake_timer.cancel()
         if self.router is not None:
             self.router.close()
@@ -211,11 +211,11 @@ class Connection:
         while (event := self._quic.next_event()) is not None:
             match event:
                 case ConnectionIdIssued():
-                    self._connections.issued(self, event.connection_id)
+                    self._connections.add_cid(self, event.connection_id)
                 case ConnectionIdRetired():
-                    self._connections.retired(self, event.connection_id)
+                    self._connections.remove_cid(self, event.connection_id)
                 case ConnectionTerminated():
-                    self._end_everything()
+                    self._clean_up()
                     self._connections.remove(self)
                 case HandshakeCompleted():
                     self._handshake_timer.cancel()
@@ -223,6 +223,6 @@ class Connection:
                 case ProtocolNegotiated():
                     self.router = self._make_router(self.transmit_soon)
                 case _ if self.router is not None:
-                    self.router.received(event, arrived)
+                    self.router.handle_event(event, arrived)
         if self.router is not None:
-            self.router.watch(self._quic.take_begun(), arrived)
+            self.router.watch_streams(self._quic.pop_gapped_streams(), arrived)

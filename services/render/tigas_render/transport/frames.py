@@ -16,8 +16,8 @@ from tigas_common.parsing import MAX_BODY, parse
 from tigas_common.wire.render import FrameHeader, RenderRequest
 from tigas_render.admission.load import Load
 from tigas_render.admission.viewers import RequestRate
-from tigas_render.frame import Answered, Client, Frame, FrameSource, Withdraw
-from tigas_render.transport.outlet import Datagrams, NewestFrames, Outlet, WaitingFrame, Writer
+from tigas_render.frame import Cancel, Client, Frame, FrameSource, OnAnswer
+from tigas_render.transport.sending import DatagramSender, LatestFrames, PendingFrame, SendScheduler, StreamWriter
 
 logger = logging.getLogger(__name__)
 
@@ -32,37 +32,39 @@ MAX_DATAGRAM_REQUESTS = 16
 class RenderSession:
     """A viewer's WebTransport session. No method blocks."""
 
-    def __init__(self, source: FrameSource, rate: RequestRate, client: Client, writer: Writer, session_id: int) -> None:
+    def __init__(
+        self, source: FrameSource, rate: RequestRate, client: Client, scheduler: SendScheduler, session_id: int
+    ) -> None:
         """client: unique to the session. session_id: the id of the stream that opened the session."""
         self._source = source
         self._rate = rate
         self._client = client
-        self._datagrams = Datagrams(writer, session_id)
-        self.frames = NewestFrames(writer)
-        self._running: dict[int, Withdraw] = {}
+        self._datagrams = DatagramSender(scheduler, session_id)
+        self.frames = LatestFrames(scheduler)
+        self._running: dict[int, Cancel] = {}
         """Functions that cancel the running requests that arrived as datagrams, by request number."""
         self._has_video = False
 
-    def closed(self) -> None:
+    def close(self) -> None:
         """Cancel the requests that arrived as datagrams, when the session has ended and its streams are cancelled."""
-        self.stopped()
-        for withdraw in self._running.values():
-            withdraw()
+        self.handle_missed_answer()
+        for cancel in self._running.values():
+            cancel()
         self._running.clear()
         self._datagrams.close()
         self.frames.close()
 
-    def stopped(self) -> None:
+    def handle_missed_answer(self) -> None:
         """Note that the client misses a part of an answer, because it has stopped reading or is too slow."""
         if self._has_video:
             self._has_video = False
             self._source.forget(self._client)
 
-    def check(self) -> None:
+    def check_rate(self) -> None:
         """Count a request. Raises AskedTooOften."""
         self._rate.check(self._client)
 
-    def request(self, body: bytes, arrived: float, answered: Answered, *, is_ordered: bool = True) -> Withdraw:
+    def start_request(self, body: bytes, arrived: float, on_answer: OnAnswer, *, is_ordered: bool = True) -> Cancel:
         """Parse a client's message and call `FrameSource.request`. is_ordered: whether the answer uses a stream."""
         try:
             request = parse(RenderRequest, body)
@@ -70,44 +72,44 @@ class RenderSession:
                 self._datagrams.check(request)
             if request.video is not None:
                 self._has_video = True
-            return self._source.request(self._client, request, arrived, answered)
+            return self._source.request(self._client, request, arrived, on_answer)
         except Exception as error:
-            answered(error)
-            return _nothing
+            on_answer(error)
+            return _do_nothing
 
-    def datagram(self, body: bytes, arrived: float) -> None:
+    def handle_datagram(self, body: bytes, arrived: float) -> None:
         """Answer a request that arrived as a datagram, at `arrived` on the monotonic clock."""
         if not self._datagrams.can_send:
             return
-        number = self._datagrams.next_request()
+        number = self._datagrams.next_request_number()
         try:
             if len(self._running) >= MAX_DATAGRAM_REQUESTS:
                 raise Overloaded(f"This session has {MAX_DATAGRAM_REQUESTS} running requests.")
-            self.check()
+            self.check_rate()
         except TigasError as error:
-            self._send_problem(error, body)
+            self._send_error(error, body)
             return
-        self._running[number] = _nothing
-        withdraw = self.request(body, arrived, partial(self._answered_datagram, number, body), is_ordered=False)
+        self._running[number] = _do_nothing
+        cancel = self.start_request(body, arrived, partial(self._answer_datagram, number, body), is_ordered=False)
         if number in self._running:
-            self._running[number] = withdraw
+            self._running[number] = cancel
 
-    def _answered_datagram(self, number: int, body: bytes, result: Frame | Exception) -> None:
+    def _answer_datagram(self, number: int, body: bytes, result: Frame | Exception) -> None:
         del self._running[number]
         if isinstance(result, Frame):
-            answer = b"".join((self.header(result), result.body))
+            answer = b"".join((self.frame_header(result), result.body))
             result.release()
             try:
                 self._datagrams.send_frame(number, result.seq, answer)
             except InvalidRequest as error:
-                self._send_problem(error, body)
+                self._send_error(error, body)
         else:
-            self._send_problem(result, body)
+            self._send_error(result, body)
 
-    def _send_problem(self, error: Exception, body: bytes) -> None:
-        self._datagrams.send_problem(_seq(body), self.failure(error, body))
+    def _send_error(self, error: Exception, body: bytes) -> None:
+        self._datagrams.send_error(_seq(body), self.error_answer(error, body))
 
-    def header(self, frame: Frame) -> bytes:
+    def frame_header(self, frame: Frame) -> bytes:
         """The header that precedes a frame's body."""
         return _encode(
             FrameHeader(
@@ -126,7 +128,7 @@ class RenderSession:
             )
         )
 
-    def failure(self, error: Exception, body: bytes) -> bytes:
+    def error_answer(self, error: Exception, body: bytes) -> bytes:
         """The answer to a failed request. body: the message with the request."""
         if not isinstance(error, TigasError):
             logger.error("A render request failed", exc_info=error)
@@ -140,8 +142,8 @@ class RenderSession:
         return _encode(header) + about.model_dump_json().encode()
 
 
-SessionFactory = Callable[[Client, Writer, int], RenderSession]
-"""Creates a session from its unique client, its connection's writer, and its id."""
+SessionFactory = Callable[[Client, SendScheduler, int], RenderSession]
+"""Creates a session from its unique client, its connection's scheduler, and its id."""
 
 
 def render_session(source: FrameSource, rate: RequestRate | None = None) -> SessionFactory:
@@ -156,53 +158,53 @@ class WebTransportStream:
     abort_code: int = CANCELLED
     task = None
 
-    def __init__(self, outlet: Outlet, session: RenderSession, overload: str | None = None) -> None:
+    def __init__(self, writer: StreamWriter, session: RenderSession, overload: str | None = None) -> None:
         """overload: the reason to refuse the request, if any."""
-        self.outlet = outlet
+        self.writer = writer
         self.session = session
         self._overload = overload
         self._body = b""
         self._is_read = False
         self._is_answered = False
-        self._withdraw: Withdraw | None = None
+        self._cancel_request: Cancel | None = None
         self._timeout: asyncio.TimerHandle | None = None
-        self._ended: Callable[[], None] | None = None
+        self._on_end: Callable[[], None] | None = None
         """The callback of `start`; None before the stream has started and after it has ended."""
 
-    def start(self, ended: Callable[[], None]) -> None:
-        """Start handling incoming data. ended: called when the stream has ended."""
-        self._ended = ended
+    def start(self, on_end: Callable[[], None]) -> None:
+        """Start handling incoming data. on_end: called when the stream has ended."""
+        self._on_end = on_end
         try:
             if self._overload is not None:
                 raise Overloaded(self._overload)
-            self.session.check()  # before any of the request is read
+            self.session.check_rate()  # before any of the request is read
         except TigasError as error:
             self._answer(error)
 
-    def data_received(self, data: bytes, ended: bool, arrived: float) -> None:
-        """Handle a part of the client's data. ended: whether it is the last part."""
+    def data_received(self, data: bytes, end_stream: bool, arrived: float) -> None:
+        """Handle a part of the client's data. end_stream: whether it is the last part."""
         if self._is_read:
             return
         self._body += data
         if len(self._body) > MAX_BODY:
             self._answer(BodyTooLarge(f"The body has more than {MAX_BODY} bytes."))
-        elif ended:
+        elif end_stream:
             self._stop_reading()
-            withdraw = self.session.request(self._body, arrived, self._answer)
-            if self._ended is not None:
-                self._withdraw = withdraw
+            cancel = self.session.start_request(self._body, arrived, self._answer)
+            if self._on_end is not None:
+                self._cancel_request = cancel
         elif self._timeout is None:
             loop = asyncio.get_running_loop()
             late = InvalidRequest("The request was not finished in time.")
-            self._timeout = loop.call_later(self.outlet.limits.request_timeout, self._answer, late)
+            self._timeout = loop.call_later(self.writer.limits.request_timeout, self._answer, late)
 
-    def cancelled(self) -> None:
+    def cancel(self) -> None:
         """The client has cancelled or disconnected."""
         self._stop_reading()
-        if self._withdraw is not None:
-            self._withdraw()
+        if self._cancel_request is not None:
+            self._cancel_request()
         elif self._is_answered:
-            self.session.stopped()
+            self.session.handle_missed_answer()
         self._end()
 
     def _stop_reading(self) -> None:
@@ -212,31 +214,31 @@ class WebTransportStream:
 
     def _answer(self, result: Frame | Exception) -> None:
         self._stop_reading()
-        self._withdraw, self._is_answered = None, True
+        self._cancel_request, self._is_answered = None, True
         if not isinstance(result, Frame):
-            self.outlet.finish((self.session.failure(result, self._body),), self._end)
+            self.writer.finish((self.session.error_answer(result, self._body),), self._end)
             return
-        if result.video is not None or self.session.frames.may_leave:
-            self.outlet.finish((self.session.header(result), result.body), self._end)
+        if result.video is not None or self.session.frames.can_send:
+            self.writer.finish((self.session.frame_header(result), result.body), self._end)
         else:
-            send = partial(self.outlet.finish, (self.session.header(result), bytes(result.body)), self._end)
+            send = partial(self.writer.finish, (self.session.frame_header(result), bytes(result.body)), self._end)
             request = parse(RenderRequest, self._body)
-            self.session.frames.wait(WaitingFrame(request, len(result.body), send, self._supersede))
+            self.session.frames.enqueue(PendingFrame(request, len(result.body), send, self._supersede))
         result.release()
 
     def _supersede(self) -> None:
         self._answer(Superseded("A newer view is sent instead."))
 
     def _end(self) -> None:
-        ended, self._ended = self._ended, None
-        if ended is not None:
-            if self._is_answered and self.outlet.is_open:  # the answer was not handed over completely
-                self.session.stopped()
-            ended()
+        on_end, self._on_end = self._on_end, None
+        if on_end is not None:
+            if self._is_answered and self.writer.is_open:  # the answer was not handed over completely
+                self.session.handle_missed_answer()
+            on_end()
 
 
-def _nothing() -> None:
-    """Withdraw a request that has been answered already, which does nothing."""
+def _do_nothing() -> None:
+    """Do nothing, to cancel a request that has been answered already."""
 
 
 def _encode(header: FrameHeader) -> bytes:

@@ -16,11 +16,11 @@ from starlette.types import ASGIApp, Message, Scope
 from tigas_common.proxy import HOP_BY_HOP
 from tigas_common.web import ARRIVED, error_response, problem_response
 from tigas_common.wire.render import Problem
-from tigas_render.transport.outlet import Outlet, StreamClosed
+from tigas_render.transport.sending import StreamClosed, StreamWriter
 
 logger = logging.getLogger(__name__)
 
-FAILED = error_response(Exception())
+FAILURE_RESPONSE = error_response(Exception())
 """The answer when the application fails."""
 
 
@@ -45,7 +45,7 @@ def http_scope(headers: Headers, client: tuple[str, int], server: tuple[str, int
     }
 
 
-def refusal(status: int, detail: str) -> ASGIApp:
+def refusal_app(status: int, detail: str) -> ASGIApp:
     """An application that refuses every request with this status and sentence."""
     title = HTTPStatus(status).phrase
     return problem_response(Problem(type="about:blank", title=title, status=status, detail=detail))
@@ -56,8 +56,8 @@ class HttpRequest:
 
     abort_code: int = ErrorCode.H3_REQUEST_CANCELLED
 
-    def __init__(self, outlet: Outlet, scope: Scope, app: ASGIApp) -> None:
-        self.outlet = outlet
+    def __init__(self, writer: StreamWriter, scope: Scope, app: ASGIApp) -> None:
+        self.writer = writer
         self.task: asyncio.Task[None] | None = None
         self._scope = scope
         self._app = app
@@ -66,34 +66,34 @@ class HttpRequest:
         self._ended = False
         self._end_delivered = False
         self._disconnected = False
-        self._news = asyncio.Event()
+        self._changed = asyncio.Event()
         self._started = False
         self._complete = False
 
-    def data_received(self, data: bytes, ended: bool, arrived: float) -> None:
-        """Add the next part of the body. ended: whether it is the last part."""
-        self._ended |= ended
+    def data_received(self, data: bytes, end_stream: bool, arrived: float) -> None:
+        """Add the next part of the body. end_stream: whether it is the last part."""
+        self._ended |= end_stream
         self._scope["state"][ARRIVED] = arrived
         if data and not self._disconnected and not self._complete:
             self._body += data
-            self.outlet.set_unread(len(self._body))
-        self._news.set()
+            self.writer.set_unread_bytes(len(self._body))
+        self._changed.set()
 
-    def cancelled(self) -> None:
+    def cancel(self) -> None:
         """Note that the client has cancelled the request or disconnected."""
         self._disconnected = True
         self._clear_body()
-        self._news.set()
+        self._changed.set()
 
     def _clear_body(self) -> None:
         self._body.clear()
-        self.outlet.set_unread(0)
+        self.writer.set_unread_bytes(0)
 
-    def start(self, ended: Callable[[], None]) -> None:
-        """Run the application in a task. ended: called when the task is done."""
+    def start(self, on_done: Callable[[], None]) -> None:
+        """Run the application in a task. on_done: called when the task is done."""
         self.task = asyncio.create_task(self._run())
         # A callback, because a task that is cancelled before it starts never enters its own `finally`.
-        self.task.add_done_callback(partial(_done, ended))
+        self.task.add_done_callback(partial(_handle_task_done, on_done))
 
     async def _run(self) -> None:
         try:
@@ -103,26 +103,26 @@ class HttpRequest:
             logger.exception("%s %s failed", self._scope["method"], self._scope["path"])
             failed = True
         if failed and not self._started:
-            await FAILED(self._scope, self.receive, self.send)
+            await FAILURE_RESPONSE(self._scope, self.receive, self.send)
         elif failed:
-            self.outlet.abort(ErrorCode.H3_INTERNAL_ERROR)
+            self.writer.abort(ErrorCode.H3_INTERNAL_ERROR)
 
     async def receive(self) -> Message:
         """ASGI's receive: the parts of the body, then a disconnect once the client or the response is done."""
         while not (self._disconnected or self._complete):
-            self._news.clear()
+            self._changed.clear()
             if self._body or (self._ended and not self._end_delivered):
                 body = bytes(self._body)
                 self._clear_body()
                 self._end_delivered = self._ended
                 return {"type": "http.request", "body": body, "more_body": not self._ended}
-            timeout = None if self._ended else self.outlet.limits.request_timeout
+            timeout = None if self._ended else self.writer.limits.request_timeout
             try:
                 async with asyncio.timeout(timeout):
-                    await self._news.wait()
+                    await self._changed.wait()
             except TimeoutError:
-                self.outlet.abort(ErrorCode.H3_REQUEST_INCOMPLETE)
-                self.cancelled()
+                self.writer.abort(ErrorCode.H3_REQUEST_INCOMPLETE)
+                self.cancel()
         return {"type": "http.disconnect"}
 
     async def send(self, message: Message) -> None:
@@ -137,7 +137,7 @@ class HttpRequest:
                 self._started = True
                 fields = [(name.lower(), value) for name, value in message.get("headers", ())]
                 kept = [field for field in fields if field[0] not in HOP_BY_HOP]  # HTTP/3 forbids them (RFC 9114, 4.2)
-                self.outlet.send_headers([(b":status", str(message["status"]).encode()), *kept])
+                self.writer.send_headers([(b":status", str(message["status"]).encode()), *kept])
             case "http.response.body" if self._started and not self._complete:
                 await self._send_body(message.get("body", b""), message.get("more_body", False))
             case other:
@@ -146,19 +146,19 @@ class HttpRequest:
     async def _send_body(self, body: bytes | memoryview, more: bool) -> None:
         try:
             if self._scope["method"] != "HEAD":
-                await self.outlet.send_data(memoryview(body))
+                await self.writer.send_data(memoryview(body))
         except StreamClosed:
-            self.outlet.abort(ErrorCode.H3_REQUEST_CANCELLED)
-            self.cancelled()
+            self.writer.abort(ErrorCode.H3_REQUEST_CANCELLED)
+            self.cancel()
         if not more:
-            self.outlet.end()
-            self.outlet.stop_reading(ErrorCode.H3_NO_ERROR)
+            self.writer.end()
+            self.writer.stop_reading(ErrorCode.H3_NO_ERROR)
             self._complete = True  # from now on `receive` reports the disconnect
             self._clear_body()
-            self._news.set()
+            self._changed.set()
 
 
-def _done(ended: Callable[[], None], task: asyncio.Task[None]) -> None:
+def _handle_task_done(on_done: Callable[[], None], task: asyncio.Task[None]) -> None:
     if not task.cancelled() and (error := task.exception()) is not None:
         logger.error("A request's task failed", exc_info=error)
-    ended()
+    on_done()

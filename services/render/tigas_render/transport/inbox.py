@@ -16,7 +16,7 @@ EXPECTED_S = 0.0001
 """Assumed handling time of a datagram before it is measured, in seconds."""
 
 
-class Received(NamedTuple):
+class ReceivedDatagram(NamedTuple):
     """A received datagram."""
 
     data: bytes
@@ -29,7 +29,7 @@ class Inbox:
     """A fair queue of datagrams; a plain FIFO would favour the heaviest sender."""
 
     def __init__(self) -> None:
-        self._waiting: dict[str, deque[Received]] = {}
+        self._waiting: dict[str, deque[ReceivedDatagram]] = {}
         """Waiting datagrams by network, without empty queues."""
         self._turns = Turns()
 
@@ -43,11 +43,11 @@ class Inbox:
             self._waiting[network] = deque()
             self._turns.join(network, EXPECTED_S)
         if len(self._waiting[network]) < MAX_WAITING:
-            self._waiting[network].append(Received(data, address, arrived))
+            self._waiting[network].append(ReceivedDatagram(data, address, arrived))
 
-    def take(self, besides: Collection[str] = ()) -> tuple[str, Received] | None:
-        """Take the oldest datagram of the next address that is not in `besides`; None if no datagram is left."""
-        network = self._turns.next(besides)
+    def pop(self, excluded: Collection[str] = ()) -> tuple[str, ReceivedDatagram] | None:
+        """Take the oldest datagram of the next address that is not in `excluded`; None if no datagram is left."""
+        network = self._turns.next(excluded)
         if network is None:
             return None
         self._turns.begin(network, EXPECTED_S)
@@ -60,6 +60,6 @@ class Inbox:
     def waiting(self, network: str) -> int:
         return len(self._waiting.get(network, ()))
 
-    def settle(self, network: str, seconds: float) -> None:
+    def charge(self, network: str, seconds: float) -> None:
         """Record how long it took to handle an address's last datagram, in seconds."""
         self._turns.settle(network, seconds - EXPECTED_S)

@@ -30,8 +30,8 @@ from tigas_render.frame import Client
 from tigas_render.transport.aioquic_ext.h3 import ServerH3Connection
 from tigas_render.transport.aioquic_ext.quic import ServerQuicConnection
 from tigas_render.transport.frames import DRAFT_HEADER, RenderSession, SessionFactory, WebTransportStream
-from tigas_render.transport.http import HttpRequest, http_scope, refusal
-from tigas_render.transport.outlet import Outlet, Writer
+from tigas_render.transport.http import HttpRequest, http_scope, refusal_app
+from tigas_render.transport.sending import SendScheduler, StreamWriter
 
 BUFFERED_STREAM_REJECTED = 0x3994BD84
 """WebTransport's error code for a stream of an unknown session."""
@@ -81,7 +81,7 @@ class Router:
         self._counted = 0
         """Number of this connection's requests that are counted in `usage`."""
         self._h3 = ServerH3Connection(quic, enable_webtransport=True)
-        self.writer = Writer(quic, self._h3, service.limits, usage, transmit_soon)
+        self.scheduler = SendScheduler(quic, self._h3, service.limits, usage, transmit_soon)
         self._streams: dict[int, Stream] = {}
         self._sessions: dict[int, RenderSession] = {}
         self._unfinished: dict[int, float] = {}
@@ -89,7 +89,7 @@ class Router:
         self._next_request = 0
         self._goaway: int | None = None
         self._idle: asyncio.Future[None] | None = None
-        self._is_away = False
+        self._is_unresponsive = False
 
     def go_away(self) -> None:
         """Ask the client to send no further requests on this connection; open ones are still answered."""
@@ -97,9 +97,9 @@ class Router:
             self._goaway = self._next_request
             frame = encode_frame(FrameType.GOAWAY, encode_uint_var(self._goaway))
             self._quic.send_stream_data(self._h3.control_stream_id, frame)
-            self.writer.transmit_soon()
+            self.scheduler.transmit_soon()
 
-    async def finish(self) -> None:
+    async def drain(self) -> None:
         """Wait until all requests are answered."""
         while self._streams:
             self._idle = asyncio.get_running_loop().create_future()
@@ -110,12 +110,12 @@ class Router:
         for stream_id in list(self._sessions):
             self._close_session(stream_id)
         for stream in list(self._streams.values()):
-            stream.cancelled()
+            stream.cancel()
         self._unfinished.clear()
-        self._count()
-        self.writer.close()
+        self._update_usage()
+        self.scheduler.close()
 
-    async def end_tasks(self) -> None:
+    async def cancel_tasks(self) -> None:
         """Cancel the tasks that are still running, and wait for them."""
         tasks = [stream.task for stream in self._streams.values() if stream.task is not None]
         for task in tasks:
@@ -123,159 +123,161 @@ class Router:
         if tasks:
             await asyncio.wait(tasks)
 
-    def set_away(self, is_away: bool) -> None:
+    def set_unresponsive(self, is_unresponsive: bool) -> None:
         """Stop counting the sessions of a client that seems to be gone as viewers, until it is back."""
-        if is_away != self._is_away:
-            self._is_away = is_away
-            self._service.load.viewers += -len(self._sessions) if is_away else len(self._sessions)
+        if is_unresponsive != self._is_unresponsive:
+            self._is_unresponsive = is_unresponsive
+            self._service.load.viewers += -len(self._sessions) if is_unresponsive else len(self._sessions)
 
-    def received(self, event: QuicEvent, arrived: float) -> None:
+    def handle_event(self, event: QuicEvent, arrived: float) -> None:
         """Dispatch an event to its request or session.
 
         arrived: when the event's datagram arrived; a request arrives with the datagram that completes it.
         """
         for h3_event in self._h3.handle_event(event):
-            self._received(h3_event, arrived)
+            self._handle_h3_event(h3_event, arrived)
         if isinstance(event, StopSendingReceived | StreamReset):
-            self._cancelled(event.stream_id)
+            self._handle_cancel(event.stream_id)
         if isinstance(event, StreamDataReceived | StopSendingReceived | StreamReset):
-            self._watch(event.stream_id, arrived)
+            self._watch_stream(event.stream_id, arrived)
 
-    def _received(self, event: H3Event, arrived: float) -> None:
+    def _handle_h3_event(self, event: H3Event, arrived: float) -> None:
         match event:
             case WebTransportStreamDataReceived():
-                self._webtransport_data(event, arrived)
+                self._handle_webtransport_data(event, arrived)
             case DatagramReceived():
                 if (session := self._sessions.get(event.stream_id)) is not None:
-                    session.datagram(event.data, arrived)
+                    session.handle_datagram(event.data, arrived)
             case HeadersReceived():
                 if event.stream_id in self._streams or event.stream_id in self._sessions:  # trailers
-                    self._data(event.stream_id, b"", event.stream_ended, arrived)
+                    self._handle_data(event.stream_id, b"", event.stream_ended, arrived)
                 else:
-                    self._request_received(event, arrived)
+                    self._handle_request(event, arrived)
             case DataReceived():
-                self._data(event.stream_id, event.data, event.stream_ended, arrived)
+                self._handle_data(event.stream_id, event.data, event.stream_ended, arrived)
 
-    def _data(self, stream_id: int, data: bytes, ended: bool, arrived: float) -> None:
+    def _handle_data(self, stream_id: int, data: bytes, end_stream: bool, arrived: float) -> None:
         if (stream := self._streams.get(stream_id)) is not None:
-            stream.data_received(data, ended, arrived)
-        elif ended:  # the end of a session's own stream; its capsules need no answer
+            stream.data_received(data, end_stream, arrived)
+        elif end_stream:  # the end of a session's own stream; its capsules need no answer
             self._close_session(stream_id)
 
-    def _cancelled(self, stream_id: int) -> None:
+    def _handle_cancel(self, stream_id: int) -> None:
         """Handle a stream that the client has stopped reading or reset."""
         if (stream := self._streams.get(stream_id)) is not None:
-            stream.cancelled()
+            stream.cancel()
         elif stream_id in self._sessions:
             self._close_session(stream_id)
         else:  # the answer is already queued in QUIC, so its session is no longer known
             for session in self._sessions.values():
-                session.stopped()
+                session.handle_missed_answer()
 
     @property
-    def deadline(self) -> float | None:
-        """When to call `end_late` next."""
+    def next_deadline(self) -> float | None:
+        """When to call `abort_late_streams` next."""
         return next((since + self._service.limits.request_timeout for since in self._unfinished.values()), None)
 
-    def end_late(self, now: float) -> None:
+    def abort_late_streams(self, now: float) -> None:
         """End the streams with an overdue first frame, even if parts of it keep arriving."""
-        while (deadline := self.deadline) is not None and deadline <= now:
+        while (deadline := self.next_deadline) is not None and deadline <= now:
             stream_id = next(iter(self._unfinished))
             del self._unfinished[stream_id]
             if stream_id % 4 == 0:
-                Outlet(self.writer, stream_id).abort(ErrorCode.H3_REQUEST_INCOMPLETE)
+                StreamWriter(self.scheduler, stream_id).abort(ErrorCode.H3_REQUEST_INCOMPLETE)
             else:  # the connection cannot do without its control stream
                 self._quic.close(error_code=ErrorCode.H3_EXCESSIVE_LOAD, reason_phrase="A frame was never finished")
-        self._count()
+        self._update_usage()
 
-    def watch(self, stream_ids: Collection[int], arrived: float) -> None:
+    def watch_streams(self, stream_ids: Collection[int], arrived: float) -> None:
         """Watch streams that have received data but perhaps not their whole first frame."""
         for stream_id in stream_ids:
-            self._watch(stream_id, arrived)
+            self._watch_stream(stream_id, arrived)
 
-    def _watch(self, stream_id: int, arrived: float) -> None:
+    def _watch_stream(self, stream_id: int, arrived: float) -> None:
         """Record whether a stream is still waiting for its whole first frame, which makes it a request, a session, or
         a session's stream.
         """
         if stream_id % 4 != 0:
-            waits = self._h3.is_cut(stream_id) or self._quic.has_gap(stream_id)
+            waits = self._h3.has_partial_frame(stream_id) or self._quic.has_gap(stream_id)
         else:
             answered = stream_id in self._streams or stream_id in self._sessions
             waits = not answered and self._quic.can_write(stream_id)
         if not waits:
             self._unfinished.pop(stream_id, None)
         elif stream_id % 4 == 0 and stream_id not in self._unfinished and self._overload() is not None:
-            Outlet(self.writer, stream_id).abort(ErrorCode.H3_REQUEST_REJECTED)
+            StreamWriter(self.scheduler, stream_id).abort(ErrorCode.H3_REQUEST_REJECTED)
         else:
             self._unfinished.setdefault(stream_id, arrived)
-        self._count()
+        self._update_usage()
 
-    def _request_received(self, event: HeadersReceived, arrived: float) -> None:
+    def _handle_request(self, event: HeadersReceived, arrived: float) -> None:
         self._unfinished.pop(event.stream_id, None)
-        outlet = Outlet(self.writer, event.stream_id)
-        if not outlet.is_open:
+        writer = StreamWriter(self.scheduler, event.stream_id)
+        if not writer.is_open:
             return
         self._next_request = max(self._next_request, event.stream_id + 4)
         if self._goaway is not None and event.stream_id >= self._goaway:
-            outlet.abort(ErrorCode.H3_REQUEST_REJECTED)
+            writer.abort(ErrorCode.H3_REQUEST_REJECTED)
             return
         pseudo = {name: value for name, value in event.headers if name.startswith(b":")}
         if pseudo[b":method"] == b"CONNECT":
-            app = self._connect_received(outlet, pseudo, dict(event.headers).get(b"origin"))
+            app = self._handle_connect(writer, pseudo, dict(event.headers).get(b"origin"))
             if app is None:
                 return
         else:
             app = self._refusal(pseudo) or self._service.app
-        request = HttpRequest(outlet, http_scope(event.headers, self._client, self._server), app)
+        request = HttpRequest(writer, http_scope(event.headers, self._client, self._server), app)
         if event.stream_ended:
             request.data_received(b"", True, arrived)
-        self._start(request)
+        self._start_stream(request)
 
     def _refusal(self, pseudo: Mapping[bytes, bytes]) -> ASGIApp | None:
         """The application that refuses a request, if the service's own must not receive it."""
         if (overload := self._overload()) is not None:
-            return refusal(503, overload)
+            return refusal_app(503, overload)
         method = pseudo[b":method"]
         is_idempotent = method in (b"GET", b"HEAD") or (method, _path(pseudo)) == EARLY_POST
-        return None if is_idempotent or self._quic.is_established else refusal(425, TOO_EARLY)  # RFC 8470
+        return None if is_idempotent or self._quic.is_established else refusal_app(425, TOO_EARLY)  # RFC 8470
 
     def _overload(self) -> str | None:
         """Return the reason, if any, to refuse another request now."""
-        self._count()
+        self._update_usage()
         return self._usage.request_refusal(self._service.limits, self._counted)
 
-    def _count(self) -> None:
+    def _update_usage(self) -> None:
         """Update the address's usage."""
         now = len(self._streams) + len(self._unfinished)
         self._usage.requests += now - self._counted
         self._counted = now
 
-    def _connect_received(self, outlet: Outlet, pseudo: Mapping[bytes, bytes], origin: bytes | None) -> ASGIApp | None:
+    def _handle_connect(
+        self, writer: StreamWriter, pseudo: Mapping[bytes, bytes], origin: bytes | None
+    ) -> ASGIApp | None:
         """Open a session, or return the application that refuses it."""
         make_session = self._service.webtransport.get(_path(pseudo))
         if pseudo.get(b":protocol") != b"webtransport":
-            return refusal(501, "CONNECT is only for WebTransport sessions.")
+            return refusal_app(501, "CONNECT is only for WebTransport sessions.")
         if make_session is None:
-            return refusal(404, "There are no sessions at this path.")
-        load, stream_id = self._service.load, outlet.stream_id
+            return refusal_app(404, "There are no sessions at this path.")
+        load, stream_id = self._service.load, writer.stream_id
         try:
             page = None if origin is None else origin.decode("latin-1")
             self._service.origins.check(pseudo[b":authority"].decode("latin-1"), page)
             if (reason := self._usage.session_refusal(self._service.limits, len(self._sessions))) is not None:
-                return refusal(429, reason)
+                return refusal_app(429, reason)
             load.check()
         except TigasError as error:
             return error_response(error)
-        self.set_away(False)
+        self.set_unresponsive(False)
         load.entered()
-        outlet.send_headers([(b":status", b"200"), DRAFT_HEADER])
+        writer.send_headers([(b":status", b"200"), DRAFT_HEADER])
         self._usage.sessions += 1
         client = Client(self._usage.address, f"session {next(_numbers)}", "webtransport")
-        self._sessions[stream_id] = make_session(client, self.writer, stream_id)
+        self._sessions[stream_id] = make_session(client, self.scheduler, stream_id)
         return None
 
     def _close_session(self, stream_id: int) -> None:
-        self.set_away(False)
+        self.set_unresponsive(False)
         session = self._sessions.pop(stream_id, None)
         if session is None:
             return
@@ -283,35 +285,35 @@ class Router:
         self._service.load.viewers -= 1
         for stream in list(self._streams.values()):
             if isinstance(stream, WebTransportStream) and stream.session is session:
-                stream.cancelled()
-        session.closed()
-        outlet = Outlet(self.writer, stream_id)
-        outlet.end()
-        outlet.abort(ErrorCode.H3_NO_ERROR)
+                stream.cancel()
+        session.close()
+        writer = StreamWriter(self.scheduler, stream_id)
+        writer.end()
+        writer.abort(ErrorCode.H3_NO_ERROR)
 
-    def _webtransport_data(self, event: WebTransportStreamDataReceived, arrived: float) -> None:
+    def _handle_webtransport_data(self, event: WebTransportStreamDataReceived, arrived: float) -> None:
         if event.stream_id not in self._streams:
             self._unfinished.pop(event.stream_id, None)
-            outlet = Outlet(self.writer, event.stream_id)
+            writer = StreamWriter(self.scheduler, event.stream_id)
             session = self._sessions.get(event.session_id)
             if session is None or event.stream_id % 4 != 0 or self._goaway is not None:
-                outlet.abort(BUFFERED_STREAM_REJECTED)
+                writer.abort(BUFFERED_STREAM_REJECTED)
                 return
-            if not outlet.is_open:  # already answered, while the client is still sending
+            if not writer.is_open:  # already answered, while the client is still sending
                 return
-            self._start(WebTransportStream(outlet, session, self._overload()))
+            self._start_stream(WebTransportStream(writer, session, self._overload()))
         if (stream := self._streams.get(event.stream_id)) is not None:
             stream.data_received(event.data, event.stream_ended, arrived)
 
-    def _start(self, stream: Stream) -> None:
-        self._streams[stream.outlet.stream_id] = stream
-        self._count()
-        stream.start(partial(self._ended, stream))
+    def _start_stream(self, stream: Stream) -> None:
+        self._streams[stream.writer.stream_id] = stream
+        self._update_usage()
+        stream.start(partial(self._handle_stream_end, stream))
 
-    def _ended(self, stream: Stream) -> None:
-        del self._streams[stream.outlet.stream_id]
-        self._count()
-        stream.outlet.abort(stream.abort_code)
+    def _handle_stream_end(self, stream: Stream) -> None:
+        del self._streams[stream.writer.stream_id]
+        self._update_usage()
+        stream.writer.abort(stream.abort_code)
         if self._idle is not None and not self._streams and not self._idle.done():
             self._idle.set_result(None)
 

@@ -29,17 +29,17 @@ from tigas_render.transport.aioquic_ext.westwood import WESTWOOD
 from tigas_render.transport.certificate import Certificate
 from tigas_render.transport.connection import Connection, Connections
 from tigas_render.transport.frames import SessionFactory
-from tigas_render.transport.inbox import Inbox, Received
+from tigas_render.transport.inbox import Inbox, ReceivedDatagram
 from tigas_render.transport.routing import Router, Service
-from tigas_render.transport.shared_port import LONG_HEADER, Edge, Share
-from tigas_render.transport.stateless import Retries, StatelessResets, refusal
+from tigas_render.transport.shared_port import LONG_HEADER, Edge, PortShare
+from tigas_render.transport.stateless import RetryPackets, StatelessResets, refusal_packet
 
 MAX_DATAGRAM_SIZE = 1452
 """Bytes of UDP payload that fit in an Ethernet frame over IPv6 (1500 − 40 − 8), and over IPv4."""
 CID_LENGTH = 8
-TURNS_S = 0.001
+TIME_SLICE_S = 0.001
 """Seconds spent on handling datagrams at a time; the resulting work may take several times as long."""
-PART = 8
+ROUND_DIVISOR = 8
 """With several addresses, a round handles at least one datagram of each address, and about an eighth of its waiting
 ones. So no address holds up the others, and hundreds of viewers behind one gateway do not need a round each.
 """
@@ -60,7 +60,7 @@ class Http3Server:
         congestion_control: CongestionControl = "westwood",
         reset_key: bytes | None = None,
         origins: OriginPolicy | None = None,
-        share: Share | None = None,
+        share: PortShare | None = None,
         load: Load | None = None,
     ) -> None:
         """host: `::` for all addresses of both families. port: 0 for any free port. reset_key: with the key and port of
@@ -68,15 +68,15 @@ class Http3Server:
         HTTP requests are checked by `app`. share: one edge's share of a port that is already bound. load: measured by
         the caller.
         """
-        self._share = share or Share()
+        self._share = share or PortShare()
         self._limits = limits or Limits()
         self._load = load or Load()
         self._congestion_control = {"reno": RENO, "westwood": WESTWOOD}[congestion_control]
         self._service = Service(app, dict(webtransport or {}), self._limits, self._load, origins or OriginPolicy())
         self._configuration = self._configure(certificate)
-        self._retries = Retries(self._share.retry_key)
+        self._retries = RetryPackets(self._share.retry_key)
         self._reset_key = reset_key or os.urandom(32)
-        self._connections = Connections(self._send, self._counted)
+        self._connections = Connections(self._send, self._publish_count)
         self._admission = ConnectionAdmission(self._limits, self._load)
         self._inbox = Inbox()
         self._next_turns: asyncio.Handle | None = None
@@ -90,7 +90,7 @@ class Http3Server:
         for sock in self._share.sockets or bind_all(*self._address):
             self._address = sock.getsockname()[:2]
             self._endpoints[len(sock.getsockname())] = UdpEndpoint(
-                sock, self._inbox.add, self._drained, self._load.batch_refused
+                sock, self._inbox.add, self._on_datagrams, self._load.batch_refused
             )
         self._resets = StatelessResets(self._reset_key, self.port)
         return self
@@ -108,13 +108,13 @@ class Http3Server:
         for router in routers:
             router.go_away()
         if routers:
-            unfinished = [asyncio.create_task(router.finish()) for router in routers]
+            unfinished = [asyncio.create_task(router.drain()) for router in routers]
             _, late = await asyncio.wait(unfinished, timeout=self._limits.grace)
             for task in late:
                 task.cancel()
         for connection in connections:
             connection.close()
-        await asyncio.gather(*(router.end_tasks() for router in routers))
+        await asyncio.gather(*(router.cancel_tasks() for router in routers))
         for connection in connections:
             connection.abandon()
             self._connections.remove(connection)
@@ -151,7 +151,7 @@ class Http3Server:
             max_stream_data=self._limits.stream_window,
         )
 
-    def _counted(self, connections: int) -> None:
+    def _publish_count(self, connections: int) -> None:
         if self._share.counts is not None:
             self._share.counts.update(connections)
 
@@ -159,32 +159,32 @@ class Http3Server:
         if datagrams and (endpoint := self._endpoints.get(len(datagrams[0][1]))) is not None:
             endpoint.send(datagrams)
 
-    def _drained(self) -> None:
+    def _on_datagrams(self) -> None:
         if self._next_turns is None:
-            self._take_turns()
+            self._process_inbox()
 
-    def _take_turns(self) -> None:
+    def _process_inbox(self) -> None:
         """Handle received datagrams for a time slice; the rest once the event loop has done the resulting work."""
         self._next_turns = None
-        until = (now := time.monotonic()) + TURNS_S
+        until = (now := time.monotonic()) + TIME_SLICE_S
         handled: Counter[str] = Counter()
         had_enough: set[str] = set()
-        while now < until and (taken := self._inbox.take(had_enough)) is not None:
+        while now < until and (taken := self._inbox.pop(had_enough)) is not None:
             network, datagram = taken
             if self._load.handled(now - datagram.arrived):
-                self._handle(datagram)
+                self._handle_datagram(datagram)
             handled[network] += 1
-            if handled[network] > self._inbox.waiting(network) // PART and len(self._connections.usage) > 1:
+            if handled[network] > self._inbox.waiting(network) // ROUND_DIVISOR and len(self._connections.usage) > 1:
                 had_enough.add(network)
             begun, now = now, time.monotonic()
-            self._inbox.settle(network, now - begun)
+            self._inbox.charge(network, now - begun)
         dirty, self._connections.dirty = self._connections.dirty, set()
         for connection in dirty:
             connection.transmit()
         if self._inbox:
-            self._next_turns = asyncio.get_running_loop().call_soon(self._take_turns)
+            self._next_turns = asyncio.get_running_loop().call_soon(self._process_inbox)
 
-    def _handle(self, datagram: Received) -> None:
+    def _handle_datagram(self, datagram: ReceivedDatagram) -> None:
         found = self._connection_for(datagram.data, datagram.address)
         if isinstance(found, Connection):
             self._connections.dirty.add(found)
@@ -199,7 +199,7 @@ class Http3Server:
         if not data[0] & LONG_HEADER:  # new connections begin with a long header
             cid = data[1 : 1 + CID_LENGTH]
             known = self._connections.by_cid.get(cid)
-            return known or self._resets.packet(len(data), cid, asyncio.get_running_loop().time())
+            return known or self._resets.create(len(data), cid, asyncio.get_running_loop().time())
         try:
             header = pull_quic_header(Buffer(data=data), host_cid_length=CID_LENGTH)
         except ValueError:
@@ -216,9 +216,9 @@ class Http3Server:
             )
         if header.packet_type != QuicPacketType.INITIAL or self._closing:
             return None
-        return self._open(header, address)
+        return self._open_connection(header, address)
 
-    def _open(self, header: QuicHeader, address: Address) -> Connection | bytes | None:
+    def _open_connection(self, header: QuicHeader, address: Address) -> Connection | bytes | None:
         """Like `_connection_for`, for the first packet of a connection."""
         original, retry_source = header.destination_cid, None
         now = asyncio.get_running_loop().time()
@@ -230,13 +230,13 @@ class Http3Server:
                 return None
             original, retry_source = validated, header.destination_cid
         else:
-            emptier = self._emptier_edge()
-            if emptier is not None or self._must_prove_address(usage):
-                return self._retries.packet(header, address, now, emptier)
+            less_loaded = self._less_loaded_edge()
+            if less_loaded is not None or self._must_prove_address(usage):
+                return self._retries.create(header, address, now, less_loaded)
         if not self._admission.may_begin(network, now):
             return None
         if (reason := self._admission.refusal(usage, len(self._connections), now)) is not None:
-            return refusal(header, reason)
+            return refusal_packet(header, reason)
         quic = ServerQuicConnection(
             edge=self._share.edge,
             reset_token=self._resets.token,
@@ -244,7 +244,7 @@ class Http3Server:
             configuration=self._configuration,
             original_destination_connection_id=original,
             retry_source_connection_id=retry_source,
-            session_ticket_fetcher=self._share.tickets.take,
+            session_ticket_fetcher=self._share.tickets.pop,
             session_ticket_handler=self._share.tickets.add,
         )
         client = (str(address[0]).removeprefix("::ffff:"), int(address[1]))
@@ -253,11 +253,11 @@ class Http3Server:
         self._connections.add(connection, header.destination_cid, quic.host_cid)
         return connection
 
-    def _emptier_edge(self) -> Edge | None:
+    def _less_loaded_edge(self) -> Edge | None:
         """The edge to which new clients should go, if it is not this one."""
         share = self._share
-        number = None if share.counts is None else share.counts.emptier()
-        return None if number is None else Edge(number, share.edge.of)
+        number = None if share.counts is None else share.counts.less_loaded_edge()
+        return None if number is None else Edge(number, share.edge.total)
 
     def _must_prove_address(self, usage: Usage) -> bool:
         handshaking = self._connections.handshaking

@@ -28,7 +28,7 @@ LOAD_BYTE, JUMP, JUMP_IF_SET, MODULO, RETURN = 0x30, 0x05, 0x45, 0x94, 0x16
 
 MAX_TICKETS = 1024
 
-MOST_AHEAD = 1
+MAX_LEAD = 1
 """Tolerated lead in connections over another edge before new clients are sent there: a Retry costs a round trip."""
 COUNT_BYTES = 4
 """Size of a count, which is read and written atomically."""
@@ -39,15 +39,15 @@ class Edge:
     """One of the processes that share a port; by default the only one."""
 
     number: int = 0
-    of: int = 1
+    total: int = 1
 
-    def named(self, cid: bytes) -> bytes:
+    def mark_cid(self, cid: bytes) -> bytes:
         """Return the connection id, changed to identify this edge."""
-        first = cid[0] - cid[0] % self.of + self.number
-        return bytes((first if first < 256 else first - self.of,)) + cid[1:]
+        first = cid[0] - cid[0] % self.total + self.number
+        return bytes((first if first < 256 else first - self.total,)) + cid[1:]
 
 
-def steer(sock: socket.socket, edges: int) -> bool:
+def attach_steering(sock: socket.socket, edges: int) -> bool:
     """Make the kernel deliver each datagram to its edge, by a classic BPF program (bpf(4), socket(7)).
 
     A port's sockets are numbered in the order in which they were bound. Returns False if the kernel does not support
@@ -75,7 +75,7 @@ def steer(sock: socket.socket, edges: int) -> bool:
 
 
 @contextmanager
-def counts_file(edges: int) -> Iterator[int]:
+def open_counts_file(edges: int) -> Iterator[int]:
     """Shared memory for the counts of all edges, as a context manager that yields its file descriptor."""
     fd = os.memfd_create("tigas edges", os.MFD_CLOEXEC)
     try:
@@ -93,7 +93,7 @@ class EdgeCounts:
     """
 
     def __init__(self, fd: int, number: int, edges: int) -> None:
-        """fd: from `counts_file`, not needed afterwards. number: this edge's, which starts without connections. edges:
+        """fd: from `open_counts_file`, not needed afterwards. number: this edge's, starting at 0 connections. edges:
         the total number of edges.
         """
         self._number = number
@@ -104,11 +104,11 @@ class EdgeCounts:
         """Publish the number of this edge's connections."""
         self._counts[self._number] = connections
 
-    def emptier(self) -> int | None:
+    def less_loaded_edge(self) -> int | None:
         """The number of the edge with the fewest connections, if this one should send new clients there."""
         counts = self._counts.tolist()
         fewest = min(counts)
-        return None if counts[self._number] <= fewest + MOST_AHEAD else counts.index(fewest)
+        return None if counts[self._number] <= fewest + MAX_LEAD else counts.index(fewest)
 
 
 class TicketStore:
@@ -130,13 +130,13 @@ class TicketStore:
         while len(self._tickets) > self._capacity:
             self._tickets.popitem(last=False)
 
-    def take(self, label: bytes) -> SessionTicket | None:
+    def pop(self, label: bytes) -> SessionTicket | None:
         """Remove and return the ticket that a client presents; None if it is unknown or used."""
         return self._tickets.pop(label, None)
 
 
 @dataclass(frozen=True, slots=True)
-class Share:
+class PortShare:
     """One edge's share of the port; by default the whole of it."""
 
     edge: Edge = Edge()

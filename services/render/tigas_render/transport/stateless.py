@@ -31,7 +31,7 @@ MAX_RESET = 43
 RESETS_PER_S = 100
 
 
-class Retries:
+class RetryPackets:
     """Retry packets (RFC 9000, 8.1.2), with tokens by which a client proves that it can receive at its address.
 
     A server under a flood of first packets requires a token before it spends memory on a handshake. Servers with the
@@ -42,35 +42,35 @@ class Retries:
         """key: RETRY_KEY_LENGTH bytes; random by default."""
         self._aead = AESGCM(key or os.urandom(RETRY_KEY_LENGTH))
 
-    def packet(self, header: QuicHeader, address: Address, now: float, edge: Edge | None = None) -> bytes:
+    def create(self, header: QuicHeader, address: Address, now: float, edge: Edge | None = None) -> bytes:
         """The Retry packet for a first packet with this header. edge: the one to return to; None for any."""
         source_cid = os.urandom(RETRY_CID_LENGTH)
         if edge is not None:
-            source_cid = edge.named(source_cid)
+            source_cid = edge.mark_cid(source_cid)
         return encode_quic_retry(
             version=header.version or 0,
             source_cid=source_cid,
             destination_cid=header.source_cid,
             original_destination_cid=header.destination_cid,
-            retry_token=self.token(address, header.destination_cid, source_cid, now),
+            retry_token=self.create_token(address, header.destination_cid, source_cid, now),
         )
 
-    def token(self, address: Address, original_cid: bytes, retry_cid: bytes, now: float) -> bytes:
+    def create_token(self, address: Address, original_cid: bytes, retry_cid: bytes, now: float) -> bytes:
         """The token that a client must send with its next first packet."""
         nonce = os.urandom(NONCE_LENGTH)
-        return nonce + self._aead.encrypt(nonce, struct.pack("!d", now) + original_cid, _bound(address, retry_cid))
+        return nonce + self._aead.encrypt(nonce, struct.pack("!d", now) + original_cid, _retry_aad(address, retry_cid))
 
     def validate(self, token: bytes, address: Address, retry_cid: bytes, now: float) -> bytes | None:
         """The connection id that the client chose originally; None if the token is invalid for it or too old."""
         try:
-            content = self._aead.decrypt(token[:NONCE_LENGTH], token[NONCE_LENGTH:], _bound(address, retry_cid))
+            content = self._aead.decrypt(token[:NONCE_LENGTH], token[NONCE_LENGTH:], _retry_aad(address, retry_cid))
         except (InvalidTag, ValueError):
             return None
         (made,) = struct.unpack_from("!d", content)
         return content[8:] if 0 <= now - made <= RETRY_TOKEN_S else None
 
 
-def _bound(address: Address, retry_cid: bytes) -> bytes:
+def _retry_aad(address: Address, retry_cid: bytes) -> bytes:
     return repr(address[:2]).encode() + b"|" + retry_cid
 
 
@@ -90,7 +90,7 @@ class StatelessResets:
         """The reset token of a connection id, which proves that a reset comes from this server."""
         return hmac.digest(self._key, cid, "sha256")[:RESET_TOKEN_LENGTH]
 
-    def packet(self, size: int, cid: bytes, now: float) -> bytes | None:
+    def create(self, size: int, cid: bytes, now: float) -> bytes | None:
         """The reset for a packet of `size` bytes for an unknown connection; None for a very short packet, or if there
         have been too many. It is shorter than the packet, so that two endpoints cannot keep resetting each other.
         """
@@ -107,7 +107,7 @@ class StatelessResets:
         return bytes(filling) + self.token(cid)
 
 
-def refusal(header: QuicHeader, reason: str) -> bytes:
+def refusal_packet(header: QuicHeader, reason: str) -> bytes:
     """The Initial packet that refuses a connection, with CONNECTION_REFUSED and a short reason (RFC 9000, 5.2.2).
 
     header: of the client's first packet, which is far larger than the refusal.

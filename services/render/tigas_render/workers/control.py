@@ -40,7 +40,7 @@ class NewCertificate(_Message):
 
     kind: Literal["certificate"] = "certificate"
     pem: bytes
-    """Private key and certificate, from `Certificate.with_key`."""
+    """Private key and certificate, from `Certificate.pem_with_key`."""
 
 
 class _Start(_Message):

@@ -11,7 +11,7 @@ from pathlib import Path
 from tigas_common.errors import StartError
 from tigas_common.resources import usable_processors
 from tigas_render.settings import RenderSettings
-from tigas_render.transport.shared_port import steer
+from tigas_render.transport.shared_port import attach_steering
 
 DEV = Path("/dev")
 COUNT_GPUS = "from cuda.bindings import driver; driver.cuInit(0); print(driver.cuDeviceGetCount()[1] or 0)"
@@ -65,7 +65,7 @@ def can_share_port() -> bool:
         return False
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
-        return steer(sock, 2)
+        return attach_steering(sock, 2)
 
 
 def has_gpu() -> bool:

@@ -22,7 +22,7 @@ from tigas_render.pipe.engines import Engines
 from tigas_render.server.frame_route import PATH, HttpFrames, frames_app
 from tigas_render.server.public_servers import public_servers
 from tigas_render.transport.certificate import Certificate
-from tigas_render.transport.shared_port import Edge, EdgeCounts, Share, TicketStore
+from tigas_render.transport.shared_port import Edge, EdgeCounts, PortShare, TicketStore
 from tigas_render.uploads.parts_route import PART, uploads_app
 from tigas_render.workers.aggregate import Aggregate, EngineProxy
 from tigas_render.workers.control import (
@@ -55,7 +55,7 @@ async def edge(channel: Channel, start: Start, news: AsyncIterator[Message]) -> 
     def on_message(message: Message) -> None:
         match message:
             case NewCertificate():
-                renew(Certificate.with_its_key(message.pem))
+                renew(Certificate.from_pem_with_key(message.pem))
             case TicketIssued() | TicketTaken():
                 tickets.on_message(message)
             case _:
@@ -79,7 +79,7 @@ async def edge(channel: Channel, start: Start, news: AsyncIterator[Message]) -> 
                 admission,
                 settings,
                 origins,
-                certificate=Certificate.with_its_key(start.certificate.pem),
+                certificate=Certificate.from_pem_with_key(start.certificate.pem),
                 reset_key=start.reset_key,
                 http=_inherited(start.http),
                 https=None if start.https is None else _inherited(start.https),
@@ -119,10 +119,10 @@ def _by_path(frames: ASGIApp, parts: ASGIApp, rest: ASGIApp) -> ASGIApp:
     return app
 
 
-def _share(start: EdgeStart, tickets: SharedTickets) -> Share:
+def _share(start: EdgeStart, tickets: SharedTickets) -> PortShare:
     of = Edge(start.number, start.edges)
     sockets = tuple(map(_inherited, start.quic))
-    return Share(of, sockets, start.retry_key, tickets, EdgeCounts(start.counts, start.number, start.edges))
+    return PortShare(of, sockets, start.retry_key, tickets, EdgeCounts(start.counts, start.number, start.edges))
 
 
 def _inherited(fd: int) -> socket.socket:
@@ -145,8 +145,8 @@ class SharedTickets(TicketStore):
         # aioquic's servers leave the server name empty, since only clients need it
         self._send(TicketIssued(ticket=replace(ticket, server_name=ticket.server_name or "")))
 
-    def take(self, label: bytes) -> SessionTicket | None:
-        ticket = super().take(label)
+    def pop(self, label: bytes) -> SessionTicket | None:
+        ticket = super().pop(label)
         if ticket is not None:
             self._send(TicketTaken(label=label))
         return ticket
@@ -156,7 +156,7 @@ class SharedTickets(TicketStore):
         if isinstance(message, TicketIssued):
             super().add(message.ticket)
         else:
-            super().take(message.label)
+            super().pop(message.label)
 
 
 if __name__ == "__main__":

@@ -38,7 +38,7 @@ async def engine(channel: Channel, start: Start, news: AsyncIterator[Message]) -
 
         def on_message(message: Message) -> None:
             assert isinstance(message, NewCertificate)
-            service.show(Certificate.with_its_key(message.pem))
+            service.show(Certificate.from_pem_with_key(message.pem))
 
         on_message(start.certificate)
         share = start.settings.http_limits.loop_share_per_address

@@ -16,7 +16,7 @@ from tigas_render.server.certificates import CertificateKeeper
 from tigas_render.server.public_sockets import PublicSockets
 from tigas_render.settings import RenderSettings
 from tigas_render.transport.certificate import Certificate
-from tigas_render.transport.shared_port import TicketStore, counts_file
+from tigas_render.transport.shared_port import TicketStore, open_counts_file
 from tigas_render.transport.stateless import RETRY_KEY_LENGTH
 from tigas_render.workers.control import (
     EdgeStart,
@@ -47,7 +47,7 @@ async def supervise(settings: RenderSettings, devices: tuple[str, ...], edges: i
     keep_together()
     with (
         PublicSockets.bound(settings, edges) as sockets,
-        counts_file(edges) as counts,
+        open_counts_file(edges) as counts,
         locked_directory(Path(tempfile.gettempdir()), DIRECTORY) as directory,
     ):
         async with CertificateKeeper.running(settings) as keeper:
@@ -67,7 +67,7 @@ class Supervisor:
         directory: Path,
         keeper: CertificateKeeper,
     ) -> None:
-        """counts: from `counts_file`. directory: for the engines' sockets, private to the user."""
+        """counts: from `open_counts_file`. directory: for the engines' sockets, private to the user."""
         self._settings = settings
         self._devices = devices
         self._names = names(devices)
@@ -129,7 +129,7 @@ class Supervisor:
 
     def _show(self, certificate: Certificate) -> None:
         """Distribute a certificate, to edges first, because engines announce it to clients."""
-        self._certificate = NewCertificate(pem=certificate.with_key)
+        self._certificate = NewCertificate(pem=certificate.pem_with_key)
         for worker in (*self._edges, *self._engines):
             worker.send(self._certificate)
 
@@ -186,7 +186,7 @@ class Supervisor:
             case TicketIssued():
                 self._tickets.add(message.ticket)
             case TicketTaken():
-                self._tickets.take(message.label)
+                self._tickets.pop(message.label)
             case Ready():
                 self._announcement = message.lines or self._announcement
                 return

@@ -81,9 +81,9 @@ def test_a_settings_frame_is_cut_until_its_last_byte(peer: Peer) -> None:
     content = bytes([StreamType.CONTROL]) + encode_frame(FrameType.SETTINGS, encode_settings({0x21: 1}))
     for byte in content[:-1]:
         peer.send(CONTROL, bytes([byte]))
-    assert peer.h3.is_cut(CONTROL)
+    assert peer.h3.has_partial_frame(CONTROL)
     peer.send(CONTROL, content[-1:])
-    assert not peer.h3.is_cut(CONTROL)
+    assert not peer.h3.has_partial_frame(CONTROL)
     assert peer.h3.received_settings == {0x21: 1, Setting.QPACK_MAX_TABLE_CAPACITY: 0}
 
 

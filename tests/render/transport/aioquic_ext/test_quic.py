@@ -7,19 +7,19 @@ import pytest
 from tests.render.transport import simulated
 from tests.render.transport.simulated import Simulation, frames
 from tigas_common.limits import RateLimit
-from tigas_render.transport.aioquic_ext.quic import MAX_STREAMS, MIN_STREAMS, RAISE_S, stream_window
+from tigas_render.transport.aioquic_ext.quic import MAX_STREAMS, MIN_STREAMS, SIZE_PROBE_INTERVAL_S, max_open_streams
 
 
 def test_unsent_data_is_told_apart() -> None:
     simulation = Simulation()
     (stream_id,) = simulation.answer_all(frames(1, 300_000))
-    assert simulation.server.unsent(stream_id) == 300_000
+    assert simulation.server.unsent_bytes(stream_id) == 300_000
     simulation.play(0.001)
-    assert 200_000 < simulation.server.unsent(stream_id) < 300_000
+    assert 200_000 < simulation.server.unsent_bytes(stream_id) < 300_000
     assert not simulation.server.can_write(stream_id), "it was finished"
     simulation.run()
-    assert simulation.server.unsent(stream_id) == 0
-    assert simulation.server.unsent_total() == (0, 0)
+    assert simulation.server.unsent_bytes(stream_id) == 0
+    assert simulation.server.total_unsent_bytes() == (0, 0)
 
 
 def test_bytes_at_high_offsets_open_no_window() -> None:
@@ -46,11 +46,11 @@ def test_bytes_at_high_offsets_open_no_window() -> None:
 def test_the_window_opens_when_data_is_read() -> None:
     simulation = Simulation()
     stream_id = simulation.open(300_000)
-    simulation.run(step=lambda: simulation.server.set_unread(stream_id, len(simulation.uploads[stream_id])))
+    simulation.run(step=lambda: simulation.server.set_unread_bytes(stream_id, len(simulation.uploads[stream_id])))
     assert len(simulation.uploads[stream_id]) == 64 * 1024
     simulation.drop = lambda sender, data: simulation.now < read + 0.01
     read = simulation.now
-    simulation.server.set_unread(stream_id, 0)  # nothing arrives in the meantime, and the announcement is lost
+    simulation.server.set_unread_bytes(stream_id, 0)  # nothing arrives in the meantime, and the announcement is lost
     simulation.run()
     assert len(simulation.uploads[stream_id]) == 300_000
 
@@ -82,7 +82,7 @@ def test_datagrams_are_full_again_a_minute_after_an_outage() -> None:
     assert largest(simulation) == 1200
     loss = simulation.server._loss
     assert loss._cc._max_datagram_size == loss._pacer._max_datagram_size == 1200
-    simulation.play(RAISE_S)
+    simulation.play(SIZE_PROBE_INTERVAL_S)
     largest(simulation)
     assert largest(simulation) == 1452
     assert loss._cc._max_datagram_size == loss._pacer._max_datagram_size == 1452
@@ -98,7 +98,7 @@ def test_a_path_that_swallows_large_packets_is_survived_and_probed_once_a_minute
     simulation.server.send_datagram_frame(b"small")
     simulation.run()
     assert simulation.datagrams == [b"small"]
-    simulation.play(RAISE_S)
+    simulation.play(SIZE_PROBE_INTERVAL_S)
     window = simulation.server._loss.congestion_window
     assert largest(simulation) == 1452, "the probe"
     assert [largest(simulation) for _ in range(5)] == [1200] * 5
@@ -141,7 +141,7 @@ def test_who_finishes_no_stream_may_open_only_a_few() -> None:
     for _ in range(200):
         simulation.open()
     simulation.play(5)
-    assert len(simulation.uploads) == stream_window(2 * simulated.DELAY)
+    assert len(simulation.uploads) == max_open_streams(2 * simulated.DELAY)
 
 
 def reset_all(simulation: Simulation) -> int:
@@ -168,7 +168,7 @@ def test_streams_that_are_reset_are_replaced_at_a_limited_rate() -> None:
     for moment in range(100 * seconds):
         asked += reset_all(simulation)
         simulation.run(until=began + moment / 100)
-    window = stream_window(2 * simulated.DELAY)
+    window = max_open_streams(2 * simulated.DELAY)
     assert rate * seconds < asked <= window + rate * (seconds + 1) + 1
 
 
@@ -182,5 +182,5 @@ def test_a_client_that_waits_for_credit_gets_it_by_itself() -> None:
 
 
 def test_the_window_follows_the_round_trip() -> None:
-    assert stream_window(0.0) == stream_window(0.01) == MIN_STREAMS
-    assert MIN_STREAMS < stream_window(0.1) < stream_window(0.2) < stream_window(10.0) == MAX_STREAMS
+    assert max_open_streams(0.0) == max_open_streams(0.01) == MIN_STREAMS
+    assert MIN_STREAMS < max_open_streams(0.1) < max_open_streams(0.2) < max_open_streams(10.0) == MAX_STREAMS

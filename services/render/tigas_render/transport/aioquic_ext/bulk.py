@@ -18,7 +18,7 @@ from aioquic.tls import Epoch
 
 from tigas_common.udp import Datagram
 from tigas_render.transport.aioquic_ext.congestion import TickPacer
-from tigas_render.transport.aioquic_ext.copies import Copies
+from tigas_render.transport.aioquic_ext.copies import CopyQueue
 from tigas_render.transport.aioquic_ext.protection import seal
 from tigas_render.transport.aioquic_ext.receiving import ReceivingQuicConnection
 from tigas_render.transport.aioquic_ext.recovery import BatchRecovery, CopyPacket, StreamPacket
@@ -29,10 +29,10 @@ _STREAM = bytes([QuicFrameType.STREAM_BASE | 0x04])
 """The type of a STREAM frame with an offset that extends to the end of its packet."""
 _STREAM_FIN = bytes([QuicFrameType.STREAM_BASE | 0x05])
 """The same for the last frame of a stream."""
-PREAMBLE = 600
+PREAMBLE_BYTES = 600
 """Maximum size in bytes of the acknowledgements and limits ahead of a packet's stream data."""
 
-Piece = tuple[QuicStreamSender, int, int, bool]
+Chunk = tuple[QuicStreamSender, int, int, bool]
 """The part of a stream that a packet carries: sender, start and end offsets, and whether the stream ends."""
 
 
@@ -43,13 +43,13 @@ class Preamble:
         self.packet_number = packet_number
         self.handlers: list[tuple[QuicDeliveryHandler, Any]] = []
         """Delivery handlers of the frames."""
-        self.asks_for_ack = False
+        self.is_ack_eliciting = False
         """Whether the frames elicit an acknowledgement."""
-        self._buffer = Buffer(PREAMBLE)
+        self._buffer = Buffer(PREAMBLE_BYTES)
 
     @property
     def remaining_buffer_space(self) -> int:
-        return PREAMBLE - self._buffer.tell()
+        return PREAMBLE_BYTES - self._buffer.tell()
 
     def start_frame(
         self,
@@ -60,7 +60,7 @@ class Preamble:
     ) -> Buffer:
         """Start a frame, like QuicPacketBuilder; there is room for all frames that are written here."""
         self._buffer.push_uint_var(frame_type)
-        self.asks_for_ack |= frame_type != QuicFrameType.ACK
+        self.is_ack_eliciting |= frame_type != QuicFrameType.ACK
         if handler is not None:
             self.handlers.append((handler, handler_args))
         return self._buffer
@@ -84,10 +84,10 @@ class BulkQuicConnection(ReceivingQuicConnection):
             logger=self._logger,
         )
         self._pacer = self._loss._pacer = TickPacer(max_datagram_size=self._max_datagram_size)
-        self._copies = Copies(self._loss, self._pacer)
+        self._copies = CopyQueue(self._loss, self._pacer)
 
     def datagrams_to_send(self, now: float) -> list[Datagram]:
-        self._renew_keys(now)
+        self._update_keys_if_due(now)
         self._discard_finished_streams(now)
         datagrams: list[Datagram] = []
         if self._has_rare_frames():
@@ -153,9 +153,9 @@ class BulkQuicConnection(ReceivingQuicConnection):
             stream_id = _stream_id(stream)
             del self._streams[stream_id]
             if stream_id % 2 == 0:
-                self._finished(stream_id, stream)
+                self._replace_finished_stream(stream_id, stream)
 
-    def _finished(self, stream_id: int, stream: QuicStream) -> None:
+    def _replace_finished_stream(self, stream_id: int, stream: QuicStream) -> None:
         """Allow the client another stream in place of a finished one."""
         self._stream_limit(stream_id).value += 1
 
@@ -168,35 +168,35 @@ class BulkQuicConnection(ReceivingQuicConnection):
         ]
         allowed = self._pacer.allowance(now, window) if sending and window > 0 else 0
         space = self._spaces[Epoch.ONE_RTT]
-        announces = window > 0 and self._has_limits()
+        announces_limits = window > 0 and self._has_limits_to_announce()
         preamble = None
-        if announces or (space.ack_at is not None and (allowed or space.ack_at <= now)):
+        if announces_limits or (space.ack_at is not None and (allowed or space.ack_at <= now)):
             preamble = Preamble(self._packet_number)
             if space.ack_at is not None:
                 self._write_ack_frame(builder=preamble, space=space, now=now)  # type: ignore[arg-type]
-            if announces:
+            if announces_limits:
                 self._write_connection_limits(builder=preamble, space=space)  # type: ignore[arg-type]
-        ahead = b"" if preamble is None else preamble.data
-        pieces: list[Piece] = []
+        prefix = b"" if preamble is None else preamble.data
+        chunks: list[Chunk] = []
         payloads: list[bytes] = []
         for stream in sorted(sending, key=_stream_id):
-            if len(pieces) < allowed:
-                self._cut(stream, allowed - len(pieces), ahead if not pieces else b"", pieces, payloads)
-        if pieces:
-            self._pacer.update_after_sends(len(pieces))
-        if sending and window > len(pieces) == allowed:
+            if len(chunks) < allowed:
+                self._split(stream, allowed - len(chunks), prefix if not chunks else b"", chunks, payloads)
+        if chunks:
+            self._pacer.update_after_sends(len(chunks))
+        if sending and window > len(chunks) == allowed:
             left = sum(stream.sender._buffer_stop - stream.sender.next_offset for stream in sending)
             self._pacing_at = self._pacer.next_burst(now, -(-left // self._max_datagram_size)) if left else None
-        if preamble is not None and not pieces:
-            payloads.append(ahead)
-        return self._seal_and_register(payloads, pieces, preamble, now) if payloads else []
+        if preamble is not None and not chunks:
+            payloads.append(prefix)
+        return self._seal_and_register(payloads, chunks, preamble, now) if payloads else []
 
     def _write_copies(self, now: float) -> list[Datagram]:
         """Write second copies of sent packets, once all other data has been sent."""
         if not self._copies or any(not stream.sender.buffer_is_empty for stream in self._streams_queue):
             return []
-        taken = self._copies.take(now)
-        self._pacing_at = self._copies.due(now)
+        taken = self._copies.pop_due(now)
+        self._pacing_at = self._copies.next_send_time(now)
         payloads = []
         for packet in taken:
             sender = packet.sender
@@ -216,7 +216,7 @@ class BulkQuicConnection(ReceivingQuicConnection):
         path.bytes_sent += sum(map(len, datagrams))
         return [(datagram, path.addr) for datagram in datagrams]
 
-    def _has_limits(self) -> bool:
+    def _has_limits_to_announce(self) -> bool:
         """Whether aioquic would announce a limit of the connection."""
         data = self._local_max_data
         return (
@@ -228,51 +228,51 @@ class BulkQuicConnection(ReceivingQuicConnection):
             )
         )
 
-    def _cut(self, stream: QuicStream, most: int, ahead: bytes, pieces: list[Piece], payloads: list[bytes]) -> None:
-        """Add the pieces of a stream for at most `most` packets, and their payloads; `ahead` starts the first."""
+    def _split(self, stream: QuicStream, count: int, prefix: bytes, chunks: list[Chunk], payloads: list[bytes]) -> None:
+        """Add a stream's chunks for at most `count` packets, and their payloads; `prefix` starts the first."""
         sender, pending = stream.sender, stream.sender._pending
         stream_id = _varint(_stream_id(stream))
         size = self._max_datagram_size - SHORT_HEADER - len(self._peer_cid.cid)
-        most += len(pieces)
+        count += len(chunks)
         with memoryview(sender._buffer) as buffer:
-            while len(pieces) < most and len(pending):
+            while len(chunks) < count and len(pending):
                 sent = sender.highest_offset
                 start, stop = pending[0].start, pending[0].stop
                 limit = min(
                     stop, sent + self._remote_max_data - self._remote_max_data_used, stream.max_stream_data_remote
                 )
                 at = start
-                while len(pieces) < most and at < limit:
+                while len(chunks) < count and at < limit:
                     position = _varint(at)
-                    end = min(limit, at + size - len(ahead) - 1 - len(stream_id) - len(position))
+                    end = min(limit, at + size - len(prefix) - 1 - len(stream_id) - len(position))
                     fin = end == sender._buffer_fin
                     data = buffer[at - sender._buffer_start : end - sender._buffer_start]
-                    payloads.append(b"".join((ahead, _STREAM_FIN if fin else _STREAM, stream_id, position, data)))
-                    pieces.append((sender, at, end, fin))
-                    at, ahead = end, b""
+                    payloads.append(b"".join((prefix, _STREAM_FIN if fin else _STREAM, stream_id, position, data)))
+                    chunks.append((sender, at, end, fin))
+                    at, prefix = end, b""
                 if at == start:  # flow control
                     return
                 pending.subtract(start, at)
                 sender._pending_eof &= at != sender._buffer_fin
                 sender.highest_offset = max(sent, at)
                 self._remote_max_data_used += sender.highest_offset - sent
-        if len(pieces) < most and not len(pending) and sender._pending_eof:
+        if len(chunks) < count and not len(pending) and sender._pending_eof:
             assert sender._buffer_fin is not None
             sender._pending_eof = False
-            payloads.append(b"".join((ahead, _STREAM_FIN, stream_id, _varint(sender._buffer_fin))))
-            pieces.append((sender, sender._buffer_fin, sender._buffer_fin, True))
+            payloads.append(b"".join((prefix, _STREAM_FIN, stream_id, _varint(sender._buffer_fin))))
+            chunks.append((sender, sender._buffer_fin, sender._buffer_fin, True))
         sender.buffer_is_empty = not len(pending) and not sender._pending_eof
 
     def _seal_and_register(
-        self, payloads: list[bytes], pieces: list[Piece], preamble: Preamble | None, now: float
+        self, payloads: list[bytes], chunks: list[Chunk], preamble: Preamble | None, now: float
     ) -> list[Datagram]:
         path, space = self._network_paths[0], self._spaces[Epoch.ONE_RTT]
         number, datagrams = self._seal(payloads)
         handlers = [] if preamble is None else preamble.handlers
-        if pieces:
+        if chunks:
             packets = [
-                StreamPacket(at, now, len(datagram), *piece)
-                for at, (datagram, piece) in enumerate(zip(datagrams, pieces, strict=True), number)
+                StreamPacket(at, now, len(datagram), *chunk)
+                for at, (datagram, chunk) in enumerate(zip(datagrams, chunks, strict=True), number)
             ]
             packets[0].others = handlers
             self._loss.on_stream_packets_sent(packets, space)
@@ -280,9 +280,9 @@ class BulkQuicConnection(ReceivingQuicConnection):
         else:
             assert preamble is not None
             self._loss.on_other_packet_sent(
-                number, now, len(datagrams[0]), handlers, space, is_ack_eliciting=preamble.asks_for_ack
+                number, now, len(datagrams[0]), handlers, space, is_ack_eliciting=preamble.is_ack_eliciting
             )
-        if not self._ack_eliciting_sent_since_receipt and (preamble is None or pieces or preamble.asks_for_ack):
+        if not self._ack_eliciting_sent_since_receipt and (preamble is None or chunks or preamble.is_ack_eliciting):
             self._close_at = now + self._idle_timeout()
             self._ack_eliciting_sent_since_receipt = True
         path.bytes_sent += sum(map(len, datagrams))

@@ -46,11 +46,11 @@ class LimitedReno(RenoCongestionControl):
         """Set the datagram size in bytes, in steps of which the window grows and shrinks."""
         self._max_datagram_size = size
 
-    def wants_copies(self, now: float) -> bool:
+    def should_duplicate(self, now: float) -> bool:
         """Whether data is worth sending twice."""
         return False
 
-    def started_over(self, now: float) -> Self:
+    def restarted_copy(self, now: float) -> Self:
         """A controller in its initial state, which ignores the packets now in flight."""
         fresh = type(self)(max_datagram_size=self._max_datagram_size)
         fresh.bytes_in_flight = self.bytes_in_flight

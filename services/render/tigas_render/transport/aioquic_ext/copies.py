@@ -12,11 +12,11 @@ from collections.abc import Iterable
 from tigas_render.transport.aioquic_ext.congestion import TickPacer
 from tigas_render.transport.aioquic_ext.recovery import BatchRecovery, StreamPacket
 
-MOST = 256
+MAX_WAITING = 256
 """Maximum number of packets waiting to be copied; older ones are dropped."""
 
 
-class Copies:
+class CopyQueue:
     """The packets in flight that are worth a second copy."""
 
     def __init__(self, loss: BatchRecovery, pacer: TickPacer) -> None:
@@ -24,19 +24,19 @@ class Copies:
         self._loss = loss
         self._originals = pacer
         self._pacer = TickPacer(max_datagram_size=pacer._max_datagram_size)
-        self._waiting: deque[StreamPacket] = deque(maxlen=MOST)
+        self._waiting: deque[StreamPacket] = deque(maxlen=MAX_WAITING)
 
     def __bool__(self) -> bool:
         return bool(self._waiting)
 
     def add(self, packets: Iterable[StreamPacket], now: float) -> None:
         """Add packets that are being sent now."""
-        if self._loss.wants_copies(now):
+        if self._loss.should_duplicate(now):
             self._waiting.extend(packets)
 
-    def take(self, now: float) -> list[StreamPacket]:
+    def pop_due(self, now: float) -> list[StreamPacket]:
         """Return the packets to send a second time now."""
-        if not self._loss.wants_copies(now):
+        if not self._loss.should_duplicate(now):
             self._waiting.clear()
         waiting, pacer, pace = self._waiting, self._pacer, self._originals
         pacer.packet_time, pacer.bucket_max = pace.packet_time, pace.bucket_max
@@ -50,6 +50,6 @@ class Copies:
         pacer.update_after_sends(len(taken))
         return taken
 
-    def due(self, now: float) -> float | None:
+    def next_send_time(self, now: float) -> float | None:
         """When to send the next copies; None if no packets are waiting."""
         return self._pacer.next_burst(now, len(self._waiting)) if self._waiting else None

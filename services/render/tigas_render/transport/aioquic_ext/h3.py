@@ -46,12 +46,12 @@ class ServerH3Connection(H3Connection):
 
     def _check_request_or_push_frame_type(self, frame_type: int, stream: H3Stream) -> None:
         super()._check_request_or_push_frame_type(frame_type, stream)
-        _check_size(frame_type, stream)
+        _check_frame_size(frame_type, stream)
 
     def _check_control_frame_type(self, frame_type: int) -> None:
         super()._check_control_frame_type(frame_type)
         assert self._peer_control_stream_id is not None
-        _check_size(frame_type, self._stream[self._peer_control_stream_id])
+        _check_frame_size(frame_type, self._stream[self._peer_control_stream_id])
 
     def _decode_headers(self, stream_id: int, frame_data: bytes | None) -> Headers:
         headers = super()._decode_headers(stream_id, frame_data)
@@ -76,7 +76,7 @@ class ServerH3Connection(H3Connection):
                 return [WebTransportStreamDataReceived(data, event.stream_id, True, session_id)]
         return super().handle_event(event)
 
-    def finished(self, stream_id: int) -> None:
+    def discard_stream(self, stream_id: int) -> None:
         """Forget a stream that was ended below HTTP/3, like WebTransport streams; aioquic would keep its state."""
         stream = self._stream.get(stream_id)
         if stream is not None:
@@ -84,7 +84,7 @@ class ServerH3Connection(H3Connection):
             if stream.is_ended():
                 del self._stream[stream_id]
 
-    def is_cut(self, stream_id: int) -> bool:
+    def has_partial_frame(self, stream_id: int) -> bool:
         """Whether a stream has an incomplete frame or frame header."""
         stream = self._stream.get(stream_id)
         return stream is not None and (bool(stream.buffer) or stream.frame_type in FRAME_LIMITS)
@@ -96,7 +96,7 @@ class ServerH3Connection(H3Connection):
         return self._local_control_stream_id
 
 
-def _check_size(frame_type: int, stream: H3Stream) -> None:
+def _check_frame_size(frame_type: int, stream: H3Stream) -> None:
     """Raise ExcessiveLoad if a frame's header announces too large a frame."""
     if stream.frame_size is not None and stream.frame_size > FRAME_LIMITS.get(frame_type, stream.frame_size):
         raise ExcessiveLoad(f"A frame of type {frame_type} has more than {FRAME_LIMITS[frame_type]} bytes")

@@ -28,7 +28,7 @@ def seal(crypto: CryptoContext, first: int, cid: bytes, number: int, payloads: S
         encrypt((nonce ^ at).to_bytes(12, "big"), payload, header(first, cid, at & 0xFFFF))
         for at, payload in enumerate(payloads, number)
     ]
-    masks = _masks(crypto, [each[_SAMPLE] for each in sealed])
+    masks = _header_masks(crypto, [each[_SAMPLE] for each in sealed])
     return [
         header(first ^ first_mask & 0x1F, cid, at & 0xFFFF ^ number_mask) + each
         for (at, each), (first_mask, number_mask) in zip(
@@ -37,7 +37,7 @@ def seal(crypto: CryptoContext, first: int, cid: bytes, number: int, payloads: S
     ]
 
 
-def _masks(crypto: CryptoContext, samples: Sequence[bytes]) -> bytes:
+def _header_masks(crypto: CryptoContext, samples: Sequence[bytes]) -> bytes:
     """Header protection masks of the samples, 16 bytes each, of which the first five are used."""
     assert crypto.hp is not None
     if crypto.hp._is_chacha20:

@@ -23,26 +23,26 @@ DATAGRAM_HEADER = 1 + 2
 """Header of a DATAGRAM frame in bytes: type and length."""
 BLACK_HOLE_PROBES = 2
 """Probe timeouts in a row after which the path is suspected of losing datagrams above QUIC's minimum size."""
-AWAY_S = 5.0
+UNRESPONSIVE_S = 5.0
 """Seconds of silence after which a client that owes acknowledgements counts as gone."""
-RAISE_S = 60.0
+SIZE_PROBE_INTERVAL_S = 60.0
 """Seconds after which the full datagram size is tried again."""
 
 REQUESTS_PER_S = 120.0
 """Request rate of a viewer with a fast display."""
-SERVICE_S = 0.1
+ANSWER_TIME_S = 0.1
 """Seconds to answer a request, including the client's acknowledgement delay."""
 MIN_STREAMS, MAX_STREAMS = 16, 128
 
 
-def stream_window(round_trip_s: float) -> int:
+def max_open_streams(round_trip_s: float) -> int:
     """Maximum number of a client's open streams: enough to send a request at any time, but not hundreds.
 
     A stream counts from its first packet until both sides have finished it and the client has acknowledged the whole
     answer. The next MAX_STREAMS frame takes as long again to arrive, and is delayed until half of the credit is used,
     so that it is worth sending. That makes three round trips, plus the server's time and a delayed acknowledgement.
     """
-    return max(MIN_STREAMS, min(MAX_STREAMS, math.ceil(REQUESTS_PER_S * (3 * round_trip_s + SERVICE_S))))
+    return max(MIN_STREAMS, min(MAX_STREAMS, math.ceil(REQUESTS_PER_S * (3 * round_trip_s + ANSWER_TIME_S))))
 
 
 class StreamCredit(Limit):
@@ -55,12 +55,12 @@ class StreamCredit(Limit):
         self.frame_type, self.name = limit.frame_type, limit.name
         self.used = self._finished = 0
         self._round_trip_s = round_trip_s
-        self.sent = stream_window(0.0)
+        self.sent = max_open_streams(0.0)
 
     @property
     def value(self) -> int:
         """The total number of streams that the client may have opened so far."""
-        return max(self.sent, self._finished + stream_window(self._round_trip_s()))
+        return max(self.sent, self._finished + max_open_streams(self._round_trip_s()))
 
     @value.setter
     def value(self, value: int) -> None:
@@ -85,9 +85,9 @@ class ServerQuicConnection(BulkQuicConnection):
         super().__init__(**arguments)
         self._edge = edge
         self._reset_token = reset_token
-        self._finish_connection_ids()
+        self._mark_connection_ids()
         self.host_cid = self._local_initial_source_connection_id = self._host_cids[0].cid
-        self._begun: set[int] = set()
+        self._gapped_streams: set[int] = set()
         self._unread: dict[int, int] = {}
         """Bytes received in order that wait for the application, by stream."""
         self._raise_at = math.inf
@@ -101,18 +101,18 @@ class ServerQuicConnection(BulkQuicConnection):
 
     def _replenish_connection_ids(self) -> None:
         super()._replenish_connection_ids()
-        self._finish_connection_ids()
+        self._mark_connection_ids()
 
-    def _finish_connection_ids(self) -> None:
+    def _mark_connection_ids(self) -> None:
         for connection_id in self._host_cids:
-            connection_id.cid = self._edge.named(connection_id.cid)
+            connection_id.cid = self._edge.mark_cid(connection_id.cid)
             connection_id.stateless_reset_token = self._reset_token(connection_id.cid)
 
-    def _finished(self, stream_id: int, stream: QuicStream) -> None:
+    def _replace_finished_stream(self, stream_id: int, stream: QuicStream) -> None:
         """Allow another stream in place of a finished one; at a limited rate if that was reset before its answer."""
         self._unread.pop(stream_id, None)
         if stream.sender._reset_error_code is None and stream_id % 4 == 0:
-            super()._finished(stream_id, stream)
+            super()._replace_finished_stream(stream_id, stream)
         else:
             self._withheld.append(self._stream_limit(stream_id))
 
@@ -133,15 +133,15 @@ class ServerQuicConnection(BulkQuicConnection):
     def _get_or_create_stream(self, frame_type: int, stream_id: int) -> QuicStream:
         stream = super()._get_or_create_stream(frame_type, stream_id)
         if not stream.receiver.starting_offset():
-            self._begun.add(stream_id)
+            self._gapped_streams.add(stream_id)
         return stream
 
-    def take_begun(self) -> set[int]:
+    def pop_gapped_streams(self) -> set[int]:
         """Return, once each, the streams that received data while their first byte was missing.
 
         aioquic does not report a stream's data until its first byte has arrived.
         """
-        begun, self._begun = self._begun, set()
+        begun, self._gapped_streams = self._gapped_streams, set()
         return begun
 
     def has_gap(self, stream_id: int) -> bool:
@@ -149,7 +149,7 @@ class ServerQuicConnection(BulkQuicConnection):
         stream = self._streams.get(stream_id)
         return stream is not None and not stream.receiver.starting_offset() and not stream.receiver.is_finished
 
-    def set_unread(self, stream_id: int, size: int) -> None:
+    def set_unread_bytes(self, stream_id: int, size: int) -> None:
         """Set the number of a stream's bytes that wait for the application; reading them opens the client's window."""
         if size:
             self._unread[stream_id] = size
@@ -196,12 +196,12 @@ class ServerQuicConnection(BulkQuicConnection):
             buffer.push_uint_var(stream.max_stream_data_local)
             stream.max_stream_data_local_sent = stream.max_stream_data_local
 
-    def unsent(self, stream_id: int) -> int:
+    def unsent_bytes(self, stream_id: int) -> int:
         """Bytes of a stream that have not been sent yet."""
         stream = self._streams.get(stream_id)
         return 0 if stream is None else stream.sender._buffer_stop - stream.sender.highest_offset
 
-    def unsent_total(self) -> tuple[int, int]:
+    def total_unsent_bytes(self) -> tuple[int, int]:
         """Unsent bytes of all streams: those that wait only for the network, and the total, including slow readers'."""
         network = total = 0
         for stream in self._streams.values():
@@ -214,9 +214,9 @@ class ServerQuicConnection(BulkQuicConnection):
         return network, total
 
     @property
-    def has_room(self) -> bool:
+    def has_congestion_room(self) -> bool:
         """Whether the congestion window has room for all unsent data and one more packet."""
-        waiting, _ = self.unsent_total()
+        waiting, _ = self.total_unsent_bytes()
         return self._loss.bytes_in_flight + waiting + self._max_datagram_size <= self._loss.congestion_window
 
     def can_write(self, stream_id: int) -> bool:
@@ -245,7 +245,7 @@ class ServerQuicConnection(BulkQuicConnection):
         return max(0, min(remote, packet) - DATAGRAM_HEADER)
 
     @property
-    def datagram_room(self) -> int:
+    def sendable_datagrams(self) -> int:
         """Number of full datagrams that can leave at once; others would wait in a queue and could not be withdrawn."""
         room = (self._loss.congestion_window - self._loss.bytes_in_flight) // self._max_datagram_size
         return max(0, room - len(self._datagrams_pending))
@@ -255,7 +255,7 @@ class ServerQuicConnection(BulkQuicConnection):
         super().handle_timer(now)
         if self._loss._pto_count >= BLACK_HOLE_PROBES and self._max_datagram_size > SMALLEST_MAX_DATAGRAM_SIZE:
             self._set_datagram_size(SMALLEST_MAX_DATAGRAM_SIZE)
-            self._raise_at = now + RAISE_S
+            self._raise_at = now + SIZE_PROBE_INTERVAL_S
             limit = self.max_datagram_payload
             fitting = [data for data in self._datagrams_pending if len(data) <= limit]
             self._datagrams_pending.clear()
@@ -265,7 +265,7 @@ class ServerQuicConnection(BulkQuicConnection):
         """Like aioquic's method; after a fallback, occasionally adds a probe of the full datagram size."""
         datagrams = super().datagrams_to_send(now)
         if datagrams and now >= self._raise_at and self._can_write_in_bulk():
-            self._raise_at = now + RAISE_S
+            self._raise_at = now + SIZE_PROBE_INTERVAL_S
             datagrams.append(self._probe_full_size(now))
         return datagrams
 
@@ -297,10 +297,10 @@ class ServerQuicConnection(BulkQuicConnection):
         self._max_datagram_size = size
         self._loss.set_datagram_size(size)
 
-    def is_away(self, now: float) -> bool:
-        """Whether packets are unacknowledged and nothing has arrived for AWAY_S."""
+    def is_unresponsive(self, now: float) -> bool:
+        """Whether packets are unacknowledged and nothing has arrived for UNRESPONSIVE_S."""
         heard = self._spaces[Epoch.ONE_RTT].largest_received_time
-        return self._loss._pto_count > 0 and heard is not None and now - heard > AWAY_S
+        return self._loss._pto_count > 0 and heard is not None and now - heard > UNRESPONSIVE_S
 
     @property
     def is_established(self) -> bool:

@@ -39,7 +39,7 @@ class ReceivingQuicConnection(QuicConnection):
 
     def __init__(self, **arguments: Any) -> None:
         super().__init__(**arguments)
-        self._moved_from: QuicNetworkPath | None = None
+        self._migrated_from: QuicNetworkPath | None = None
         """The previous path of a client that has moved to a path not validated yet."""
         self._secret: bytes | None = None
         self._secret_since = 0
@@ -48,8 +48,8 @@ class ReceivingQuicConnection(QuicConnection):
         self._old_keys_until = 0.0
 
     def receive_datagram(self, data: bytes, addr: Any, now: float) -> None:
-        if not self._is_usual(data, addr):
-            self._receive_unusual(data, addr, now)
+        if not self._is_on_fast_path(data, addr):
+            self._receive_on_slow_path(data, addr, now)
             return
         space = self._spaces[Epoch.ONE_RTT]
         try:
@@ -61,13 +61,13 @@ class ReceivingQuicConnection(QuicConnection):
         if opened is None:
             opened = self._open_with_old_keys(data, space.expected_packet_number, now)
         if opened is None or opened[0] & RESERVED:  # a new key, or an error that ends the connection
-            self._receive_unusual(data, addr, now)
+            self._receive_on_slow_path(data, addr, now)
             return
         first, payload, number = opened
         if number not in space.received_packets:
-            self._opened(first, payload, number, space, now)
+            self._handle_packet(first, payload, number, space, now)
 
-    def _renew_keys(self, now: float) -> None:
+    def _update_keys_if_due(self, now: float) -> None:
         """Start a key update when one is due and the client has acknowledged the current keys (RFC 9001, 6.1).
 
         The old keys are kept because aioquic drops them at once, although the client uses them until it learns of the
@@ -92,7 +92,7 @@ class ReceivingQuicConnection(QuicConnection):
         except CryptoError:
             return None
 
-    def _is_usual(self, data: bytes, addr: Any) -> bool:
+    def _is_on_fast_path(self, data: bytes, addr: Any) -> bool:
         return (
             self._handshake_confirmed
             and self._state not in END_STATES
@@ -104,17 +104,17 @@ class ReceivingQuicConnection(QuicConnection):
             and not self._cryptos[Epoch.ZERO_RTT].recv.is_valid()
         )
 
-    def _receive_unusual(self, data: bytes, addr: Any, now: float) -> None:
+    def _receive_on_slow_path(self, data: bytes, addr: Any, now: float) -> None:
         """Let aioquic handle a datagram, and complete the client's move to another path once the path is validated."""
         before = self._network_paths[0] if self._network_paths else None
         super().receive_datagram(data, addr, now)
         if before is not None and before.is_validated and before is not self._network_paths[0]:
-            self._moved_from = self._moved_from or before
-        if self._moved_from is not None and self._network_paths[0].is_validated:
-            self._complete_move(self._moved_from, now)
-            self._moved_from = None
+            self._migrated_from = self._migrated_from or before
+        if self._migrated_from is not None and self._network_paths[0].is_validated:
+            self._complete_migration(self._migrated_from, now)
+            self._migrated_from = None
 
-    def _complete_move(self, old: QuicNetworkPath, now: float) -> None:
+    def _complete_migration(self, old: QuicNetworkPath, now: float) -> None:
         """Drop all other paths, and the old path's measurements if the client's address has changed.
 
         A change of the port alone is a NAT rebinding: the route is the same, so the congestion window and the round
@@ -125,9 +125,9 @@ class ReceivingQuicConnection(QuicConnection):
                 self._retire_peer_cid(path.peer_cid)
         del self._network_paths[1:]
         if self._network_paths[0].addr[0] != old.addr[0]:
-            self._loss.start_over(now)
+            self._loss.reset_path_state(now)
 
-    def _opened(self, first: int, payload: bytes, number: int, space: QuicPacketSpace, now: float) -> None:
+    def _handle_packet(self, first: int, payload: bytes, number: int, space: QuicPacketSpace, now: float) -> None:
         """Do what aioquic does with a packet that is neither a duplicate nor from another path."""
         in_order = number == space.largest_received_packet + 1
         if number > space.expected_packet_number:

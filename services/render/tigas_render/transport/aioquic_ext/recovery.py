@@ -43,7 +43,7 @@ class StreamPacket:
 
     @property
     def delivery_handlers(self) -> Handlers:
-        return (*self.others, (deliver, (self.sender, self.start, self.stop, self.fin)))
+        return (*self.others, (on_chunk_delivery, (self.sender, self.start, self.stop, self.fin)))
 
     @property
     def is_outstanding(self) -> bool:
@@ -63,7 +63,7 @@ class CopyPacket(StreamPacket):
     in_flight: ClassVar = False
 
 
-def deliver(delivery: QuicDeliveryState, sender: QuicStreamSender, start: int, stop: int, fin: bool) -> None:
+def on_chunk_delivery(delivery: QuicDeliveryState, sender: QuicStreamSender, start: int, stop: int, fin: bool) -> None:
     """Notify a stream that a part of it was acknowledged or lost, where the part may have been sent twice.
 
     aioquic's sender expects one acknowledgement per byte, and resends lost bytes even if their copy has arrived.
@@ -85,7 +85,7 @@ def deliver(delivery: QuicDeliveryState, sender: QuicStreamSender, start: int, s
         sender.on_data_delivery(delivery, stop, stop, fin)
 
 
-Sent = QuicSentPacket | StreamPacket
+SentPacket = QuicSentPacket | StreamPacket
 """aioquic's code works with both, but its annotations mention only the first."""
 
 
@@ -101,18 +101,18 @@ class BatchRecovery(QuicPacketRecovery):
         if self._pacer.packet_time is not None:
             self._pacer.update_rate(self._cc.congestion_window, self._rtt_smoothed)
 
-    def wants_copies(self, now: float) -> bool:
+    def should_duplicate(self, now: float) -> bool:
         """Whether data is worth sending twice."""
-        return self._cc.wants_copies(now)
+        return self._cc.should_duplicate(now)
 
     def on_copies_sent(self, packets: Sequence[CopyPacket], space: QuicPacketSpace) -> None:
         """Record second copies, which elicit acknowledgements but say nothing about congestion."""
         space.sent_packets.update((packet.packet_number, packet) for packet in packets)  # type: ignore[misc]
         space.ack_eliciting_in_flight += len(packets)
 
-    def start_over(self, now: float) -> None:
+    def reset_path_state(self, now: float) -> None:
         """Reset the congestion window and the round trip, as on a new path."""
-        self._cc = self._cc.started_over(now)
+        self._cc = self._cc.restarted_copy(now)
         self._pacer.packet_time = None
         self._rtt_initialized, self._rtt_min = False, math.inf
         self._pto_count = 0
@@ -143,7 +143,7 @@ class BatchRecovery(QuicPacketRecovery):
 
     def on_ack_received(self, *, ack_rangeset: RangeSet, ack_delay: float, now: float, space: QuicPacketSpace) -> None:
         """Handle acknowledged packets in a batch, and leave only the newest to aioquic, for the round trip."""
-        acked = _acked(space, ack_rangeset)
+        acked = _acked_packets(space, ack_rangeset)
         while acked and not acked.pop().is_ack_eliciting:
             pass
         if acked:
@@ -152,13 +152,13 @@ class BatchRecovery(QuicPacketRecovery):
             space.ack_eliciting_in_flight -= sum(packet.is_ack_eliciting for packet in acked)
             in_flight = [packet for packet in acked if packet.in_flight]
             self._cc.on_packets_acked(in_flight, now)  # type: ignore[arg-type]
-            _tell(acked)
+            _notify_acked(acked)
         super().on_ack_received(ack_rangeset=ack_rangeset, ack_delay=ack_delay, now=now, space=space)
         if self._rtt_initialized:
             self._cc.round_trip = self._rtt_latest
 
 
-def _acked(space: QuicPacketSpace, ranges: RangeSet) -> list[Sent]:
+def _acked_packets(space: QuicPacketSpace, ranges: RangeSet) -> list[SentPacket]:
     """The packets in flight that these ranges acknowledge, oldest first."""
     numbers = list(space.sent_packets)
     return [
@@ -168,26 +168,26 @@ def _acked(space: QuicPacketSpace, ranges: RangeSet) -> list[Sent]:
     ]
 
 
-def _tell(packets: Sequence[Sent]) -> None:
+def _notify_acked(packets: Sequence[SentPacket]) -> None:
     """Call the handlers of acknowledged packets, with consecutive parts of a stream combined into one call."""
     run: StreamPacket | None = None
     start = 0
     for packet in packets:
         if not isinstance(packet, StreamPacket):
-            _call(packet.delivery_handlers)
+            _call_handlers(packet.delivery_handlers)
             continue
         if packet.others:
-            _call(packet.others)
+            _call_handlers(packet.others)
         if run is not None and (packet.sender is not run.sender or packet.start != run.stop or run.fin):
-            deliver(QuicDeliveryState.ACKED, run.sender, start, run.stop, run.fin)
+            on_chunk_delivery(QuicDeliveryState.ACKED, run.sender, start, run.stop, run.fin)
             run = None
         if run is None:
             start = packet.start
         run = packet
     if run is not None:
-        deliver(QuicDeliveryState.ACKED, run.sender, start, run.stop, run.fin)
+        on_chunk_delivery(QuicDeliveryState.ACKED, run.sender, start, run.stop, run.fin)
 
 
-def _call(handlers: Handlers) -> None:
+def _call_handlers(handlers: Handlers) -> None:
     for handler, arguments in handlers:
         handler(QuicDeliveryState.ACKED, *arguments)

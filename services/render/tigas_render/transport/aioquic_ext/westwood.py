@@ -29,17 +29,17 @@ BANDWIDTH_S = 2.0
 """Window in seconds of the maximum delivery rate, which estimates the bandwidth."""
 ROUND_TRIP_S = 10.0
 """Window in seconds of the minimum round trip. Gaps between frames drain queues, so it has no queueing delay."""
-LEAST_INTERVAL_S = 0.002
+MIN_INTERVAL_S = 0.002
 """Minimum interval in seconds for a delivery rate; over shorter ones it is timer noise."""
-MOST_LOSS = 0.06
+MAX_RANDOM_LOSS = 0.06
 """Share of lost packets above which loss means congestion, for example at a policer or a very short queue."""
-MEMORY = 500
+LOSS_WINDOW_PACKETS = 500
 """Approximate number of packets over which that share is averaged."""
-LEAST_PACKETS = 50
+MIN_PACKETS = 50
 """Number of acknowledged packets after which that share is meaningful."""
 LOSSY_S = 2.0
 """Seconds after a loss for which data is sent twice."""
-QUEUE = 1.25
+QUEUED_RTT_RATIO = 1.25
 """Multiple of the minimum round trip above which a round trip reveals a queue."""
 
 
@@ -63,13 +63,13 @@ class DeliveryRate:
         self._delivered_at = 0.0
         self._first_sent_at = 0.0
 
-    def sent(self, number: int, now: float, idle: bool) -> None:
+    def on_burst_sent(self, number: int, now: float, idle: bool) -> None:
         """Record a burst. number: its first packet's. idle: whether nothing was in flight before it."""
         if idle:
             self._delivered_at = self._first_sent_at = now
         self._bursts.append(_Burst(number, self._delivered, self._delivered_at, self._first_sent_at))
 
-    def acknowledged(self, newest: QuicSentPacket, size: int, now: float) -> float | None:
+    def on_acked(self, newest: QuicSentPacket, size: int, now: float) -> float | None:
         """A sample of the rate, from the newest of the packets acknowledged now, which have `size` bytes in total."""
         self._delivered += size
         self._delivered_at = now
@@ -82,10 +82,10 @@ class DeliveryRate:
         assert newest.sent_time is not None
         self._first_sent_at = newest.sent_time
         interval = max(newest.sent_time - burst.first_sent_at, now - burst.delivered_at)
-        return (self._delivered - burst.delivered) / interval if interval > LEAST_INTERVAL_S else None
+        return (self._delivered - burst.delivered) / interval if interval > MIN_INTERVAL_S else None
 
 
-class _Recent:
+class _SlidingMaximum:
     """A sliding maximum over the last seconds, in amortised constant time."""
 
     def __init__(self, seconds: float) -> None:
@@ -101,7 +101,7 @@ class _Recent:
             values.popleft()
 
     @property
-    def greatest(self) -> float | None:
+    def maximum(self) -> float | None:
         return self._values[0][1] if self._values else None
 
 
@@ -111,8 +111,8 @@ class Westwood(LimitedReno):
     def __init__(self, *, max_datagram_size: int) -> None:
         super().__init__(max_datagram_size=max_datagram_size)
         self._rate = DeliveryRate()
-        self._bandwidth = _Recent(BANDWIDTH_S)
-        self._shortest = _Recent(ROUND_TRIP_S)  # of negative round trips, so the maximum is the minimum
+        self._bandwidth = _SlidingMaximum(BANDWIDTH_S)
+        self._shortest = _SlidingMaximum(ROUND_TRIP_S)  # of negative round trips, so the maximum is the minimum
         self._acked = self._lost = 0.0
         self._lost_at = -math.inf
 
@@ -120,17 +120,17 @@ class Westwood(LimitedReno):
         """Like NewReno's, but also starts a sample of the delivery rate."""
         first = packets[0]
         assert first.sent_time is not None
-        self._rate.sent(first.packet_number, first.sent_time, idle=not self.bytes_in_flight)
+        self._rate.on_burst_sent(first.packet_number, first.sent_time, idle=not self.bytes_in_flight)
         super().on_packets_sent(packets)
 
     def on_packets_acked(self, packets: Sequence[QuicSentPacket], now: float) -> None:
         """Like NewReno's, but also takes a sample of the delivery rate."""
         if not packets:
             return
-        rate = self._rate.acknowledged(packets[-1], sum(packet.sent_bytes for packet in packets), now)
+        rate = self._rate.on_acked(packets[-1], sum(packet.sent_bytes for packet in packets), now)
         if rate is not None:
             self._bandwidth.add(rate, now)
-        kept = 1 - len(packets) / MEMORY if len(packets) < MEMORY else 0.0
+        kept = 1 - len(packets) / LOSS_WINDOW_PACKETS if len(packets) < LOSS_WINDOW_PACKETS else 0.0
         self._acked = self._acked * kept + len(packets)
         self._lost *= kept
         super().on_packets_acked(packets, now)
@@ -150,7 +150,7 @@ class Westwood(LimitedReno):
         self._lost_at = now
         before = self.congestion_window, self.ssthresh
         super().on_packets_lost(now=now, packets=packets)
-        bandwidth, shortest = self._bandwidth.greatest, self._shortest.greatest
+        bandwidth, shortest = self._bandwidth.maximum, self._shortest.maximum
         if bandwidth is None or shortest is None or self._is_congested:
             return
         if not self._has_queue:
@@ -159,18 +159,18 @@ class Westwood(LimitedReno):
             capacity = int(bandwidth * -shortest)
             self.congestion_window = self.ssthresh = max(self.congestion_window, min(before[0], capacity))
 
-    def wants_copies(self, now: float) -> bool:
+    def should_duplicate(self, now: float) -> bool:
         """Whether data is worth sending twice: packets were lost recently although the path has no queue."""
         return now - self._lost_at < LOSSY_S and not self._has_queue and not self._is_congested
 
     @property
     def _has_queue(self) -> bool:
-        shortest = self._shortest.greatest
-        return shortest is None or self.round_trip > QUEUE * -shortest
+        shortest = self._shortest.maximum
+        return shortest is None or self.round_trip > QUEUED_RTT_RATIO * -shortest
 
     @property
     def _is_congested(self) -> bool:
-        return self._acked > LEAST_PACKETS and self._lost > MOST_LOSS * self._acked
+        return self._acked > MIN_PACKETS and self._lost > MAX_RANDOM_LOSS * self._acked
 
 
 register_congestion_control(WESTWOOD, Westwood)

@@ -38,8 +38,8 @@ class StreamClosed(ConnectionError):
     """The client has cancelled the stream or disconnected."""
 
 
-class Writer:
-    """State shared by all outlets of one connection."""
+class SendScheduler:
+    """State shared by all writers of one connection."""
 
     def __init__(
         self,
@@ -55,21 +55,21 @@ class Writer:
         self.limits = limits
         self._usage = usage
         self.transmit_soon = transmit_soon
-        self.waiting: dict[int, Callable[[], None]] = {}
+        self.blocked: dict[int, Callable[[], None]] = {}
         """Callbacks of streams that wait for room, by stream id."""
-        self.handing_over: list[Callable[[], bool]] = []
-        """The `hand_over` functions of frames and datagrams that wait to be handed to QUIC."""
+        self.flushers: list[Callable[[], bool]] = []
+        """The `flush` functions of frames and datagrams that wait to be handed to QUIC."""
         self.closed = False
 
     def room(self, stream_id: int) -> int:
         """Number of bytes that a stream may hand to QUIC now: 0, or at least CHUNK."""
-        network, total = self.quic.unsent_total()
-        used = max(self.quic.unsent(stream_id), network)
+        network, total = self.quic.total_unsent_bytes()
+        used = max(self.quic.unsent_bytes(stream_id), network)
         room = min(self.limits.unsent - used, self.limits.unread_answers - total)
         return max(room, CHUNK) if room > 0 else 0
 
-    def hold(self, size: int) -> bool:
-        """Count bytes of a waiting answer until `let_go`. Returns False, without counting, if the address has too many.
+    def reserve(self, size: int) -> bool:
+        """Count bytes of a waiting answer until `release`. Returns False, uncounted, if the address has too many.
 
         An address's only waiting answer may have any size.
         """
@@ -79,50 +79,50 @@ class Writer:
         self._usage.waiting += size
         return True
 
-    def let_go(self, size: int) -> None:
+    def release(self, size: int) -> None:
         self._usage.waiting -= size
 
-    def wake(self) -> None:
+    def resume_streams(self) -> None:
         """Resume the streams that have room again, oldest first."""
-        for stream_id in sorted(self.waiting):
+        for stream_id in sorted(self.blocked):
             if not self.quic.can_write(stream_id) or self.room(stream_id):
-                self.waiting[stream_id]()
+                self.blocked[stream_id]()
 
-    def hand_over(self) -> bool:
+    def flush(self) -> bool:
         """Give QUIC as many frames and datagrams as it can send soon. Returns whether any are left."""
-        self.handing_over = [hand_over for hand_over in self.handing_over if hand_over()]
-        return bool(self.handing_over)
+        self.flushers = [flush for flush in self.flushers if flush()]
+        return bool(self.flushers)
 
-    def hand_over_soon(self, hand_over: Callable[[], bool]) -> None:
-        """Call `hand_over` soon, and again whenever there may be room, until it returns False: nothing is left."""
-        if hand_over not in self.handing_over:
-            self.handing_over.append(hand_over)
+    def schedule_flush(self, flush: Callable[[], bool]) -> None:
+        """Call `flush` soon, and again whenever there may be room, until it returns False: nothing is left."""
+        if flush not in self.flushers:
+            self.flushers.append(flush)
         self.transmit_soon()
 
     def close(self) -> None:
         """Resume all waiting streams, which then find the connection closed."""
         self.closed = True
-        for go_on in list(self.waiting.values()):
-            go_on()
+        for send in list(self.blocked.values()):
+            send()
 
 
-class Outlet:
+class StreamWriter:
     """The server's side of one stream. Writes to an ended stream are dropped."""
 
-    def __init__(self, writer: Writer, stream_id: int) -> None:
+    def __init__(self, scheduler: SendScheduler, stream_id: int) -> None:
         self.stream_id = stream_id
-        self.limits = writer.limits
-        self.writer = writer
+        self.limits = scheduler.limits
+        self.scheduler = scheduler
 
     @property
     def is_open(self) -> bool:
         """Whether the server's side of the stream is neither finished nor reset."""
-        return self.writer.quic.can_write(self.stream_id)
+        return self.scheduler.quic.can_write(self.stream_id)
 
     def send_headers(self, headers: Headers) -> None:
         if self.is_open:
-            self.writer.h3.send_headers(self.stream_id, headers)
-            self.writer.transmit_soon()
+            self.scheduler.h3.send_headers(self.stream_id, headers)
+            self.scheduler.transmit_soon()
 
     async def send_data(self, data: memoryview) -> None:
         """Send a part of an HTTP body, waiting while the network or the client cannot keep up.
@@ -134,113 +134,113 @@ class Outlet:
             return
         sent = asyncio.Event()
         header = encode_uint_var(FrameType.DATA) + encode_uint_var(len(data))
-        sending = _Sending(self, [header, data], sent.set)
-        sending.go_on()
+        write = _PendingWrite(self, [header, data], sent.set)
+        write.send()
         try:
             await sent.wait()
         finally:
-            sending.stop()
-        if sending.parts:
+            write.cancel()
+        if write.parts:
             raise StreamClosed
 
-    def finish(self, parts: Sequence[bytes | memoryview], ended: Callable[[], None]) -> None:
-        """Send bytes and end the stream; then call `ended`, even on failure.
+    def finish(self, parts: Sequence[bytes | memoryview], on_done: Callable[[], None]) -> None:
+        """Send bytes and end the stream; then call `on_done`, even on failure.
 
         The caller may release the parts at once: data that the network or the client cannot accept yet is copied.
         """
-        _Sending(self, list(parts), ended, ends_stream=True).go_on()
+        _PendingWrite(self, list(parts), on_done, ends_stream=True).send()
 
     def end(self) -> None:
         if self.is_open:
-            self.writer.quic.send_stream_data(self.stream_id, b"", end_stream=True)
-            self.writer.h3.finished(self.stream_id)
-            self.writer.transmit_soon()
+            self.scheduler.quic.send_stream_data(self.stream_id, b"", end_stream=True)
+            self.scheduler.h3.discard_stream(self.stream_id)
+            self.scheduler.transmit_soon()
 
-    def set_unread(self, size: int) -> None:
+    def set_unread_bytes(self, size: int) -> None:
         """Set the number of received bytes that wait for the application; reading them lets the client send more."""
-        self.writer.quic.set_unread(self.stream_id, size)
-        if not size and self.writer.quic.is_receiving(self.stream_id):
-            self.writer.transmit_soon()
+        self.scheduler.quic.set_unread_bytes(self.stream_id, size)
+        if not size and self.scheduler.quic.is_receiving(self.stream_id):
+            self.scheduler.transmit_soon()
 
     def stop_reading(self, error_code: int) -> None:
         """Ask the client to stop sending."""
-        if self.writer.quic.is_receiving(self.stream_id):
-            self.writer.quic.stop_stream(self.stream_id, error_code)
-            self.writer.transmit_soon()
+        if self.scheduler.quic.is_receiving(self.stream_id):
+            self.scheduler.quic.stop_stream(self.stream_id, error_code)
+            self.scheduler.transmit_soon()
 
     def abort(self, error_code: int) -> None:
         """End both directions, unless they have ended already."""
         self.stop_reading(error_code)
         if self.is_open:
-            self.writer.quic.reset_stream(self.stream_id, error_code)
-            self.writer.transmit_soon()
-        self.writer.h3.finished(self.stream_id)
+            self.scheduler.quic.reset_stream(self.stream_id, error_code)
+            self.scheduler.transmit_soon()
+        self.scheduler.h3.discard_stream(self.stream_id)
 
 
 @dataclass(slots=True, eq=False)
-class _Sending:
+class _PendingWrite:
     """Bytes on their way to QUIC."""
 
-    outlet: Outlet
+    writer: StreamWriter
     parts: list[bytes | memoryview]
     """The data that has not been handed over yet."""
-    ended: Callable[[], None]
+    on_done: Callable[[], None]
     """Called when all is handed over, or on failure."""
     ends_stream: bool = False
     """Whether to end the stream afterwards. If so, the caller does not keep the parts, so they are copied to wait."""
-    stalled: asyncio.TimerHandle | None = None
-    held: int = 0
+    stall_timer: asyncio.TimerHandle | None = None
+    reserved: int = 0
     """Number of bytes counted as waiting."""
 
-    def go_on(self) -> None:
+    def send(self) -> None:
         """Hand over as much as fits, and wait for room for the rest."""
-        self.stop_waiting()
-        writer, stream_id = self.outlet.writer, self.outlet.stream_id
-        while self.parts and not writer.closed and self.outlet.is_open:
-            room = writer.room(stream_id)
+        self.unblock()
+        scheduler, stream_id = self.writer.scheduler, self.writer.stream_id
+        while self.parts and not scheduler.closed and self.writer.is_open:
+            room = scheduler.room(stream_id)
             if not room:
-                if not self.held:
+                if not self.reserved:
                     size = sum(map(len, self.parts))
-                    if not writer.hold(size):
+                    if not scheduler.reserve(size):
                         break
-                    self.held = size
+                    self.reserved = size
                 if self.ends_stream:
                     self.parts = [bytes(part) for part in self.parts]
-                writer.waiting[stream_id] = self.go_on
-                self.stalled = asyncio.get_running_loop().call_later(writer.limits.stall_timeout, self.give_up)
+                scheduler.blocked[stream_id] = self.send
+                self.stall_timer = asyncio.get_running_loop().call_later(scheduler.limits.stall_timeout, self.time_out)
                 return
             while self.parts and room:
                 part = self.parts.pop(0)
                 if len(part) > room:
                     self.parts.insert(0, part[room:])
                     part = part[:room]
-                writer.quic.send_stream_data(stream_id, part)  # type: ignore[arg-type]  # any buffer
+                scheduler.quic.send_stream_data(stream_id, part)  # type: ignore[arg-type]  # any buffer
                 room -= len(part)
-            writer.transmit_soon()
-        self.stop()
-        if self.ends_stream and not self.parts and not writer.closed:
-            self.outlet.end()
-        self.ended()
+            scheduler.transmit_soon()
+        self.cancel()
+        if self.ends_stream and not self.parts and not scheduler.closed:
+            self.writer.end()
+        self.on_done()
 
-    def stop_waiting(self) -> None:
-        if self.stalled is not None:
-            self.stalled.cancel()
-            self.stalled = None
-            del self.outlet.writer.waiting[self.outlet.stream_id]
+    def unblock(self) -> None:
+        if self.stall_timer is not None:
+            self.stall_timer.cancel()
+            self.stall_timer = None
+            del self.writer.scheduler.blocked[self.writer.stream_id]
 
-    def stop(self) -> None:
+    def cancel(self) -> None:
         """Stop sending, and stop counting the bytes that wait."""
-        self.stop_waiting()
-        self.outlet.writer.let_go(self.held)
-        self.held = 0
+        self.unblock()
+        self.writer.scheduler.release(self.reserved)
+        self.reserved = 0
 
-    def give_up(self) -> None:
+    def time_out(self) -> None:
         """Stop sending because the client does not read."""
-        self.stop()
-        self.ended()
+        self.cancel()
+        self.on_done()
 
 
-class WaitingFrame(NamedTuple):
+class PendingFrame(NamedTuple):
     """A stream's answer that has not been handed to QUIC yet."""
 
     request: RenderRequest
@@ -250,26 +250,26 @@ class WaitingFrame(NamedTuple):
     refuse: Callable[[], None]
 
 
-class NewestFrames:
+class LatestFrames:
     """A session's frames for streams while the congestion window is full, as in the first round trips.
 
     While they wait here, a view's newest frame replaces older ones, which would arrive late and delay it. The older
     ones are refused only when the newest leaves, so that the client does not request more than the link can carry.
     """
 
-    def __init__(self, writer: Writer) -> None:
-        self._writer = writer
-        self._waiting: deque[WaitingFrame] = deque()
+    def __init__(self, scheduler: SendScheduler) -> None:
+        self._scheduler = scheduler
+        self._waiting: deque[PendingFrame] = deque()
         self._refused: list[Callable[[], None]] = []
 
     @property
-    def may_leave(self) -> bool:
+    def can_send(self) -> bool:
         """Whether a frame may be sent without waiting."""
-        return not self._waiting and self._writer.quic.has_room
+        return not self._waiting and self._scheduler.quic.has_congestion_room
 
-    def wait(self, frame: WaitingFrame) -> None:
+    def enqueue(self, frame: PendingFrame) -> None:
         """Send a frame as soon as there is room, unless a newer frame of its view replaces it before."""
-        if not self._writer.hold(frame.size):
+        if not self._scheduler.reserve(frame.size):
             frame.refuse()
             return
         frames = [*self._waiting, frame]
@@ -277,16 +277,16 @@ class NewestFrames:
         for each in frames:
             if any(obsoletes(other.request, each.request) for other in frames):
                 self._refused.append(each.refuse)
-                self._writer.let_go(each.size)
+                self._scheduler.release(each.size)
             else:
                 self._waiting.append(each)
-        self._writer.hand_over_soon(self.hand_over)
+        self._scheduler.schedule_flush(self.flush)
 
-    def hand_over(self) -> bool:
+    def flush(self) -> bool:
         """Send the frames for which there is room. Returns whether any are left."""
-        while self._waiting and self._writer.quic.has_room:
+        while self._waiting and self._scheduler.quic.has_congestion_room:
             frame = self._waiting.popleft()
-            self._writer.let_go(frame.size)
+            self._scheduler.release(frame.size)
             frame.send()
             refused, self._refused = self._refused, []
             for refuse in refused:
@@ -294,12 +294,12 @@ class NewestFrames:
         return bool(self._waiting)
 
     def close(self) -> None:
-        self._writer.let_go(sum(frame.size for frame in self._waiting))
+        self._scheduler.release(sum(frame.size for frame in self._waiting))
         self._waiting.clear()
         self._refused.clear()
 
 
-def fragments(seq: int, answer: bytes, max_datagram: int) -> list[bytes]:
+def split_into_datagrams(seq: int, answer: bytes, max_datagram: int) -> list[bytes]:
     """Split an answer into datagrams of at most `max_datagram` bytes, including their headers.
 
     All but the last are equally large. Raises InvalidRequest if this takes more than 65,535 of them.
@@ -314,15 +314,15 @@ def fragments(seq: int, answer: bytes, max_datagram: int) -> list[bytes]:
     ]
 
 
-class Datagrams:
+class DatagramSender:
     """A session's newest frame as datagrams: at most one frame's fragments wait at any time.
 
     They wait here, where they can still be withdrawn, until the network has room.
     """
 
-    def __init__(self, writer: Writer, session_id: int) -> None:
+    def __init__(self, scheduler: SendScheduler, session_id: int) -> None:
         """session_id: the id of the stream that opened the session."""
-        self._writer = writer
+        self._scheduler = scheduler
         self._prefix = encode_uint_var(session_id // 4)  # RFC 9297, 2.1
         self._waiting: deque[bytes] = deque()
         self._urgent: deque[bytes] = deque(maxlen=MAX_URGENT)
@@ -332,7 +332,7 @@ class Datagrams:
     @property
     def _max_size(self) -> int:
         """Size in bytes of the largest datagram that fits in a packet now, which may shrink with the path."""
-        return self._writer.quic.max_datagram_payload - SESSION_ID_BYTES
+        return self._scheduler.quic.max_datagram_payload - SESSION_ID_BYTES
 
     @property
     def can_send(self) -> bool:
@@ -346,7 +346,7 @@ class Datagrams:
         if request.video is not None:
             raise InvalidRequest("format: h264 needs a stream, as a video's frames refer to each other.")
 
-    def next_request(self) -> int:
+    def next_request_number(self) -> int:
         """Return the next request's number, counting from 1 in the order of arrival."""
         self._requests += 1
         return self._requests
@@ -358,25 +358,25 @@ class Datagrams:
         """
         if request >= self._newest_sent:
             self._newest_sent = request
-            self._waiting = deque(fragments(seq, answer, self._max_size))
-            self._writer.hand_over_soon(self.hand_over)
+            self._waiting = deque(split_into_datagrams(seq, answer, self._max_size))
+            self._scheduler.schedule_flush(self.flush)
 
-    def send_problem(self, seq: int, answer: bytes) -> None:
+    def send_error(self, seq: int, answer: bytes) -> None:
         """Send a short answer ahead of the waiting frame, which is still sent.
 
         If more than MAX_URGENT datagrams wait, the oldest are dropped.
         """
-        self._urgent.extend(fragments(seq, answer, self._max_size))
-        self._writer.hand_over_soon(self.hand_over)
+        self._urgent.extend(split_into_datagrams(seq, answer, self._max_size))
+        self._scheduler.schedule_flush(self.flush)
 
-    def hand_over(self) -> bool:
+    def flush(self) -> bool:
         """Send the datagrams for which there is room, dropping any that no longer fit the path's packets.
 
         Returns whether any are left.
         """
-        quic = self._writer.quic
+        quic = self._scheduler.quic
         for queue in (self._urgent, self._waiting):
-            while queue and quic.datagram_room:
+            while queue and quic.sendable_datagrams:
                 data = self._prefix + queue.popleft()
                 if len(data) <= quic.max_datagram_payload:
                     quic.send_datagram_frame(data)
