@@ -6,7 +6,7 @@ from collections import defaultdict
 
 import pytest
 
-from tigas_render.fair_queue import LEAST_KEPT, FairSchedule, Turns
+from tigas_render.fair_queue import MIN_KEPT, FairQueue, FairSchedule
 from tigas_render.frame import Client
 
 A, B, C = (Client(name, "only") for name in "abc")
@@ -27,7 +27,7 @@ def drain(schedule: FairSchedule[str]) -> list[str]:
         work = schedule.pop()
         assert work is not None
         order.append(work)
-        schedule.begin(CLIENTS[order[-1][0]], 1.0)
+        schedule.start_turn(CLIENTS[order[-1][0]], 1.0)
     return order
 
 
@@ -41,8 +41,8 @@ def used(costs: dict[Client, float], seconds: float, known: bool = True) -> dict
         client = schedule.pop()
         assert client is not None
         cost = costs[client]
-        schedule.begin(client, cost if known else 0.001)
-        schedule.settle(client, 0.0 if known else cost - 0.001)
+        schedule.start_turn(client, cost if known else 0.001)
+        schedule.charge(client, 0.0 if known else cost - 0.001)
         used[client] += cost
         schedule.push(client, client, cost if known else 0.001)
     return used
@@ -55,7 +55,7 @@ def test_clients_take_turns_however_much_one_of_them_asks() -> None:
 def test_a_client_that_was_just_served_goes_to_the_end_of_the_line() -> None:
     schedule = waiting("a1", "b1")
     assert schedule.pop() == "a1"
-    schedule.begin(A, 1.0)
+    schedule.start_turn(A, 1.0)
     schedule.push(A, "a2", 1.0)
     assert drain(schedule) == ["b1", "a2"]
 
@@ -98,7 +98,7 @@ def test_a_session_for_every_request_is_no_way_to_jump_the_queue(address: str) -
     for _ in range(100):
         schedule.push(B, "b", 1.0)
         schedule.pop()
-        schedule.begin(B, 1.0)
+        schedule.start_turn(B, 1.0)
     schedule.push(B, "b", 1.0)
     strangers = (Client(address.format(number), f"session {number}") for number in range(1000))
     for number, stranger in enumerate(strangers):
@@ -106,7 +106,7 @@ def test_a_session_for_every_request_is_no_way_to_jump_the_queue(address: str) -
         if number % 2 and schedule.pop() == "b":
             assert number < 10
             return
-        schedule.begin(stranger, 1.0)
+        schedule.start_turn(stranger, 1.0)
     pytest.fail("it was never served")
 
 
@@ -120,7 +120,7 @@ def test_only_clients_that_wait_compete(before: list[Client], work: str, first: 
     for client in before:
         schedule.push(client, "x", 1.0)
         schedule.pop()
-        schedule.begin(client, 1.0)
+        schedule.start_turn(client, 1.0)
     for each in work:
         schedule.push(CLIENTS[each], each, 1.0)
     assert sorted(drain(schedule)[: len(first)]) == list(first)
@@ -133,44 +133,44 @@ def test_work_that_is_refused_costs_no_turn() -> None:
 
 def test_how_much_waits_and_whether_others_wait() -> None:
     schedule = waiting("a1", "a2")
-    assert not schedule.others_wait(A)
-    assert schedule.others_wait(B)
+    assert not schedule.has_other_viewers(A)
+    assert schedule.has_other_viewers(B)
     schedule.push(Client("a", "other"), "a3", 1.0)
-    assert schedule.others_wait(A)
-    assert (schedule.waiting("a"), schedule.waiting("b")) == (3, 0)
+    assert schedule.has_other_viewers(A)
+    assert (schedule.waiting_count("a"), schedule.waiting_count("b")) == (3, 0)
 
 
 def test_a_viewers_other_connection_is_not_another_viewer() -> None:
     schedule: FairSchedule[str] = FairSchedule(2)
     schedule.push(Client("a", "viewer/1"), "a1", 1.0)
-    assert not schedule.others_wait(Client("a", "viewer/2"))
-    assert schedule.others_wait(Client("a", "neighbour/2"))
+    assert not schedule.has_other_viewers(Client("a", "viewer/2"))
+    assert schedule.has_other_viewers(Client("a", "neighbour/2"))
 
 
 def test_clients_that_have_gone_are_forgotten() -> None:
     schedule: FairSchedule[int] = FairSchedule(depth=4)
-    for number in range(10 * LEAST_KEPT):
+    for number in range(10 * MIN_KEPT):
         for client in (Client(f"address {number}", "only"), Client("address", f"session {number}")):
             schedule.push(client, number, 0.1)
             schedule.pop()
-            schedule.begin(client, 0.1)
+            schedule.start_turn(client, 0.1)
     kept = [schedule._addresses, *schedule._sessions.values()]
-    assert sum(len(turns._starts) for turns in kept) < 3 * LEAST_KEPT
+    assert sum(len(turns._starts) for turns in kept) < 3 * MIN_KEPT
 
 
 def test_equals_are_served_in_the_order_in_which_they_came() -> None:
-    turns = Turns()
+    turns = FairQueue()
     for name in "yzx":
-        turns.join(name, 1.0)
-    assert turns.next() == "y"
+        turns.add(name, 1.0)
+    assert turns.peek() == "y"
 
 
 def test_some_addresses_and_costly_work_can_be_passed_over() -> None:
     schedule = waiting("a1", "b1")
     schedule.push(C, "c1", 0.1)
     assert schedule.pop({"a", "b", "c"}) is None
-    assert schedule.pop({"c"}, at_most=0.5) is None
-    assert schedule.pop(at_most=0.5) == "c1"
+    assert schedule.pop({"c"}, max_cost=0.5) is None
+    assert schedule.pop(max_cost=0.5) == "c1"
     assert schedule.pop({"a"}) == "b1"
     assert drain(schedule) == ["a1"]
 

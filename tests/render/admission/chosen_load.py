@@ -9,11 +9,11 @@ class ChosenLoad(Load):
     """As busy as the test says."""
 
     is_full = False
-    told: float | None = None
+    rate: float | None = None
 
-    def full(self) -> float | None:
+    def retry_after_s(self) -> float | None:
         return 5.0 if self.is_full else None
 
     @property
     def requests_per_s(self) -> float | None:
-        return self.told
+        return self.rate

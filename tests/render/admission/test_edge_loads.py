@@ -25,23 +25,23 @@ FULL = replace(IDLE, full=5.0, requests_per_s=20.0, refused=7)
 
 def test_a_server_is_full_if_half_of_its_edges_are() -> None:
     loads = EdgeLoads(lambda: 100.0)
-    assert loads.full() is None
-    loads.heard(0, IDLE)
-    assert loads.full() is None
-    loads.heard(1, FULL)
-    assert loads.full() == 5.0
-    loads.heard(2, IDLE)
-    assert loads.full() is None
-    loads.heard(0, FULL)
-    assert loads.full() == 5.0
+    assert loads.retry_after_s() is None
+    loads.update(0, IDLE)
+    assert loads.retry_after_s() is None
+    loads.update(1, FULL)
+    assert loads.retry_after_s() == 5.0
+    loads.update(2, IDLE)
+    assert loads.retry_after_s() is None
+    loads.update(0, FULL)
+    assert loads.retry_after_s() == 5.0
 
 
 def test_an_edge_that_is_gone_counts_no_more() -> None:
     now = 100.0
     loads = EdgeLoads(lambda: now)
-    loads.heard(0, FULL)
+    loads.update(0, FULL)
     now += STALE_S + 1
-    assert loads.full() is None
+    assert loads.retry_after_s() is None
     assert loads.states == {}
 
 
@@ -49,8 +49,8 @@ def test_prometheus_sees_each_edge() -> None:
     registry = CollectorRegistry()
     loads = EdgeLoads(lambda: 100.0)
     registry.register(loads)
-    loads.heard(0, IDLE)
-    loads.heard(1, FULL)
+    loads.update(0, IDLE)
+    loads.update(1, FULL)
     text = generate_latest(registry).decode()
     for line in (
         'tigas_render_queue_age_seconds{edge="0",queue="datagrams"} 0.001',

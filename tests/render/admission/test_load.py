@@ -12,11 +12,11 @@ import pytest
 
 from tigas_render.admission import load as load_module
 from tigas_render.admission.load import (
-    FEW,
+    ALWAYS_ADMITTED,
     FREE_AT,
     FULL_AT,
-    LEAST_RATE,
     MAX_AGE_S,
+    MIN_RATE,
     SETTLED_S,
     STANDING_AGE_S,
     TICK_S,
@@ -32,13 +32,13 @@ class Loop:
         self.now = self.cpu = 0.0
         self.load = Load(lambda: self.now, lambda: self.cpu)
         for _ in range(viewers):
-            self.load.entered()
+            self.load.add_viewer()
 
     def run(self, seconds: float, busy: float, ages: tuple[float, ...] = ()) -> None:
         """Seconds with datagrams of these ages in each tick."""
         for _ in range(round(seconds / TICK_S)):
             for age in ages:
-                self.load.handled(age)
+                self.load.accept_datagram(age)
             self.pause(TICK_S, busy)
 
     def pause(self, seconds: float, busy: float) -> None:
@@ -49,7 +49,7 @@ class Loop:
 
     @property
     def is_full(self) -> bool:
-        return self.load.full() is not None
+        return self.load.retry_after_s() is not None
 
 
 QUICK, LATE = (0.001,) * 10, (0.02,) * 10
@@ -81,7 +81,7 @@ def test_one_pause_refuses_nobody(seconds: float, busy: float) -> None:
     loop = Loop()
     loop.run(5, busy=0.05, ages=QUICK)
     for age in (0.0, seconds / 2, seconds):  # arrived in the meantime
-        loop.load.handled(age)
+        loop.load.accept_datagram(age)
     loop.pause(seconds, busy)
     for _ in range(20):
         assert not loop.is_full
@@ -92,7 +92,7 @@ def test_one_pause_refuses_nobody(seconds: float, busy: float) -> None:
 def test_a_slow_renderer_takes_no_more_clients_only_while_it_has_no_pause() -> None:
     loop = Loop()
     for utilisation, is_full in ((0.5, False), (1.0, True)):
-        loop.load.engine(0.2, utilisation)
+        loop.load.record_engine(0.2, utilisation)
         loop.run(5, busy=0.1)
         assert loop.is_full == is_full
 
@@ -100,7 +100,7 @@ def test_a_slow_renderer_takes_no_more_clients_only_while_it_has_no_pause() -> N
 def test_a_rush_is_let_in_a_few_at_a_time_until_it_is_known_what_they_cost() -> None:
     loop = Loop(viewers=0)
     while not loop.is_full:
-        loop.load.entered()
+        loop.load.add_viewer()
     assert 10 < loop.load.viewers < 40
     loop.run(SETTLED_S + TICK_S, busy=0.01 * loop.load.viewers)
     assert not loop.is_full
@@ -110,7 +110,7 @@ def test_a_thousand_who_ask_for_nothing_come_in_within_seconds() -> None:
     loop = Loop(viewers=0)
     while loop.load.viewers < 1000:
         while loop.load.viewers < 1000 and not loop.is_full:
-            loop.load.entered()
+            loop.load.add_viewer()
         loop.run(TICK_S, busy=0.02)
     assert loop.now < 15
 
@@ -123,8 +123,8 @@ def test_those_who_are_in_are_slowed_down_until_it_is_better_and_nobody_new_is_t
         assert loop.is_full
         rates.append(loop.load.requests_per_s)
     assert rates[0] is None
-    assert [rate is not None and LEAST_RATE <= rate < 30 for rate in rates[1:]] == [True] * 3
-    assert rates[2] == LEAST_RATE < (rates[3] or 0)
+    assert [rate is not None and MIN_RATE <= rate < 30 for rate in rates[1:]] == [True] * 3
+    assert rates[2] == MIN_RATE < (rates[3] or 0)
     loop.run(60, busy=0.3, ages=QUICK)
     assert loop.load.requests_per_s is None
     assert not loop.is_full
@@ -134,8 +134,8 @@ def test_old_datagrams_are_dropped_and_sooner_where_a_queue_stands() -> None:
     loop = Loop()
     for limit, ages in ((MAX_AGE_S, ()), (STANDING_AGE_S, LATE)):
         loop.run(1, busy=1.0, ages=ages)
-        assert loop.load.handled(0.9 * limit)
-        assert not loop.load.handled(1.1 * limit)
+        assert loop.load.accept_datagram(0.9 * limit)
+        assert not loop.load.accept_datagram(1.1 * limit)
     assert loop.load.state.stale == 2
 
 
@@ -144,8 +144,8 @@ def test_a_few_are_always_taken_and_as_fast_as_they_like() -> None:
     loop.run(10, busy=1.0, ages=LATE)
     assert not loop.is_full
     assert loop.load.requests_per_s is None
-    for _ in range(FEW - 1):
-        loop.load.entered()
+    for _ in range(ALWAYS_ADMITTED - 1):
+        loop.load.add_viewer()
     assert loop.is_full
     assert loop.load.requests_per_s is not None
 
@@ -172,18 +172,18 @@ def simulated(viewers: int, seconds: float = 40.0, then_s: float = 0.002) -> tup
     while now < seconds:
         for viewer in everybody:
             while viewer.next_at <= now:
-                if not viewer.is_in and (retry_after := load.full()) is not None:
+                if not viewer.is_in and (retry_after := load.retry_after_s()) is not None:
                     viewer.next_at += retry_after * rng.uniform(1, 1.5)
                     continue
                 if not viewer.is_in:
                     viewer.is_in = True
-                    load.entered()
+                    load.add_viewer()
                 queue.append(viewer.next_at)
                 viewer.next_at += rng.uniform(0.5, 1.5) / min(30.0, load.requests_per_s or 30.0)
         if queue:
             arrived = queue.popleft()
             cost_s = 0.002 if now < seconds / 4 else then_s
-            if load.handled(now - arrived):
+            if load.accept_datagram(now - arrived):
                 now, cpu = now + cost_s, cpu + cost_s
                 if now > seconds / 2:
                     latencies.append(now - arrived)
@@ -212,8 +212,8 @@ def test_a_machine_that_gets_three_times_as_slow_slows_its_viewers_down() -> Non
 
 def test_it_says_how_old_things_got() -> None:
     loop = Loop()
-    loop.load.handled(0.2)
-    loop.load.engine(queue_age_s=0.03, utilisation=0.4)
+    loop.load.accept_datagram(0.2)
+    loop.load.record_engine(queue_age_s=0.03, utilisation=0.4)
     loop.pause(0.5, busy=0.0)
     assert loop.load.state.ages == pytest.approx({"datagrams": 0.2, "loop": 0.4, "engine": 0.03})
     loop.run(5, busy=0.0)

@@ -7,7 +7,7 @@ import pytest
 from tests.render.admission.chosen_load import ChosenLoad
 from tigas_common.errors import AskedTooOften, ServerFull
 from tigas_render.admission.load import Load
-from tigas_render.admission.viewers import MOST_NAMED, STAY_S, HttpViewers, RequestRate
+from tigas_render.admission.viewers import MAX_NAMES_PER_ADDRESS, STAY_S, HttpViewers, RequestRate
 from tigas_render.frame import Client
 
 EAGER, POLITE = Client("192.0.2.1", "session 1"), Client("192.0.2.1", "session 2")
@@ -51,9 +51,9 @@ def test_an_address_has_only_so_many_viewers_whatever_it_calls_them() -> None:
     now = 0.0
     load = ChosenLoad()
     viewers = HttpViewers(load, lambda: now)
-    names = {viewers.admit("192.0.2.1", str(number)) for number in range(3 * MOST_NAMED)}
-    assert names == {"", *map(str, range(MOST_NAMED))}
-    assert load.viewers == MOST_NAMED + 1
+    names = {viewers.admit("192.0.2.1", str(number)) for number in range(3 * MAX_NAMES_PER_ADDRESS)}
+    assert names == {"", *map(str, range(MAX_NAMES_PER_ADDRESS))}
+    assert load.viewers == MAX_NAMES_PER_ADDRESS + 1
     viewers.admit("192.0.2.2", "0")
     now += STAY_S + 1
     viewers.admit("192.0.2.2", "0")
@@ -98,17 +98,17 @@ def test_who_asks_a_thousand_times_a_second_gets_the_limit_and_harms_nobody_else
 def test_a_busy_server_allows_what_it_tells_with_some_slack() -> None:
     load = ChosenLoad()
     asking = Asking(load)
-    load.told = 20.0
-    assert asking.rate.told == 20.0
+    load.rate = 20.0
+    assert asking.rate.announced_rate == 20.0
     assert asking.allowed(20) == 20
     assert 20 < asking.allowed(60) < 30
-    load.told = None
+    load.rate = None
     assert asking.allowed(60) == pytest.approx(60, rel=0.05)
 
 
 def test_requests_that_the_network_has_gathered_are_allowed() -> None:
     load = ChosenLoad()
-    load.told = 5.0
+    load.rate = 5.0
     asking = Asking(load)
     for _ in range(5):
         assert all(asking.is_allowed() for _ in range(4))

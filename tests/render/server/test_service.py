@@ -88,7 +88,7 @@ async def client(service: RenderService) -> AsyncIterator[httpx.AsyncClient]:
 async def test_a_viewer_that_has_left_counts_no_more(
     service: RenderService, client: httpx.AsyncClient, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    async with service.measured():
+    async with service.monitor_load():
         nowhere = render_request(scene="nowhere").model_dump_json(exclude_none=True)
         assert (await client.post("/render", content=nowhere)).status_code == 404
         await eventually(lambda: service.loads.viewers == 1)
@@ -102,8 +102,8 @@ async def test_a_director_hears_how_busy_the_host_is(service: RenderService, cli
     assert idle.config.model_dump(mode="json") == (await client.get("/config.json")).json()
     ages = {"datagrams": 0.001, "loop": 0.002, "engine": 0.3}
     one = replace(service.admission.load.state, viewers=3, utilisation=0.5, engine_utilisation=0.7, ages=ages)
-    service.loads.heard(0, one)
-    service.loads.heard(1, replace(one, viewers=4, utilisation=1.0, ages={}, full=5.0))
+    service.loads.update(0, one)
+    service.loads.update(1, replace(one, viewers=4, utilisation=1.0, ages={}, full=5.0))
     busy = parse(HostLoad, (await client.get("/api/load")).content)
     assert (busy.viewers, busy.utilisation, busy.queue_age_s, busy.config.retry_after_s) == (7, 0.75, 0.3, 5.0)
     assert 'tigas_render_full{edge="1"} 1.0' in (await client.get("/metrics")).text

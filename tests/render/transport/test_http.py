@@ -360,10 +360,10 @@ async def test_large_answers_that_nobody_reads_take_no_more_memory_than_an_addre
         streams = [deaf.request("GET", "/") for _ in range(8)]
         await deaf.until(lambda: sum(deaf.responses[stream].reset is not None for stream in streams) >= 5)
         (usage,) = server._connections.usage.values()
-        assert 1_000_000 < usage.waiting <= 4_000_000
+        assert 1_000_000 < usage.waiting_bytes <= 4_000_000
         assert len((await client.fetch("GET", "/short")).body) == 1000
         deaf.close()
-        await eventually(lambda: usage.waiting == 0)
+        await eventually(lambda: usage.waiting_bytes == 0)
 
 
 async def test_connect_without_webtransport_and_odd_methods() -> None:

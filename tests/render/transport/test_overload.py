@@ -75,7 +75,7 @@ async def test_frames_say_how_often_to_ask() -> None:
     async with served(load=load) as server, connect(server.port) as client:
         session = await client.connect_webtransport()
         for told in (12.5, None):
-            load.told = told
+            load.rate = told
             header, _ = await client.frame(session, request_body())
             assert header["requests_per_s"] == told
 
@@ -103,8 +103,8 @@ async def test_old_datagrams_are_not_looked_at() -> None:
     class Strict(Load):
         drops = False
 
-        def handled(self, age: float) -> bool:
-            super().handled(age)
+        def accept_datagram(self, age: float) -> bool:
+            super().accept_datagram(age)
             return not self.drops
 
     load = Strict()
@@ -130,8 +130,8 @@ async def test_a_thousand_idle_sessions_cost_nothing_and_keep_nobody_out() -> No
                 assert idle.responses[await idle.connect_webtransport()].status == 200
             waited += SETTLED_S
         assert load.viewers == 1005
-        measuring = asyncio.create_task(load.keep())
-        await eventually(lambda: load.full() is None)
+        measuring = asyncio.create_task(load.run())
+        await eventually(lambda: load.retry_after_s() is None)
         async with connect(server.port, source=OTHER) as other:
             header, _ = await other.frame(await other.connect_webtransport(), request_body())
             assert header["status"] == 200

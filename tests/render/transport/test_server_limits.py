@@ -74,7 +74,7 @@ async def test_one_address_cannot_open_connections_all_the_time() -> None:
 
 
 async def test_a_burst_of_connections_of_one_address_holds_nobody_else_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(connections_module, "HANDSHAKES_AT_ONCE", 1)
+    monkeypatch.setattr(connections_module, "HANDSHAKE_BURST", 1)
     monkeypatch.setattr(connections_module, "HANDSHAKES_PER_S", 0.001)
     async with served() as server, connect(server.port), connect(server.port, wait=False) as second:
         second.transmit()  # left to be sent again

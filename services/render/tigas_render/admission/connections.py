@@ -9,7 +9,7 @@ from tigas_common.limits import RateLimit
 from tigas_render.admission.limits import Limits
 from tigas_render.admission.load import Load
 
-HANDSHAKES_AT_ONCE, HANDSHAKES_PER_S = 2, 25.0
+HANDSHAKE_BURST, HANDSHAKES_PER_S = 2, 25.0
 """Burst and sustained rate of an address's new handshakes, each of which costs the event loop a few milliseconds.
 Packets of further handshakes are dropped, and QUIC clients resend them."""
 
@@ -24,7 +24,7 @@ class Usage:
     """WebTransport sessions."""
     requests: int = 0
     """Requests that are running or still incomplete."""
-    waiting: int = 0
+    waiting_bytes: int = 0
     """Bytes of answers waiting in writers because the client or the network does not accept them."""
 
     def request_refusal(self, limits: Limits, running: int) -> str | None:
@@ -50,25 +50,25 @@ class ConnectionAdmission:
     def __init__(self, limits: Limits, load: Load) -> None:
         self._limits = limits
         self._load = load
-        self._openings = RateLimit[str]()
-        self._pace = RateLimit[str]()
-        self._resets = RateLimit[str]()
+        self._connection_rate = RateLimit[str]()
+        self._handshake_rate = RateLimit[str]()
+        self._reset_rate = RateLimit[str]()
 
-    def must_prove_address(self, handshaking: int, of_address: int) -> bool:
+    def must_prove_address(self, handshaking: int, address_handshaking: int) -> bool:
         """Whether a new client gets a Retry first, given the numbers of unfinished handshakes: all, and per address."""
-        return handshaking >= self._limits.unvalidated or of_address >= self._limits.unvalidated_per_address
+        return handshaking >= self._limits.unvalidated or address_handshaking >= self._limits.unvalidated_per_address
 
-    def may_begin(self, address: str, now: float) -> bool:
+    def try_begin_handshake(self, address: str, now: float) -> bool:
         """Whether an address may begin a handshake now, which counts it; if not, its packet is dropped."""
-        return self._pace.allows(address, now, HANDSHAKES_PER_S, HANDSHAKES_AT_ONCE / HANDSHAKES_PER_S)
+        return self._handshake_rate.allows(address, now, HANDSHAKES_PER_S, HANDSHAKE_BURST / HANDSHAKES_PER_S)
 
-    def refusal(self, usage: Usage, connections: int, now: float) -> str | None:
+    def connection_refusal(self, usage: Usage, connections: int, now: float) -> str | None:
         """Return the reason, if any, to refuse another connection from an address.
 
         connections: number of open connections from all addresses.
         """
         try:
-            self._load.check()
+            self._load.check_capacity()
         except ServerFull as error:
             return error.detail
         if connections >= self._limits.connections:
@@ -76,14 +76,14 @@ class ConnectionAdmission:
         if usage.connections >= self._limits.connections_per_address:
             return "Your address has the maximum number of connections; close some."
         rate = self._limits.handshakes_per_s
-        if not self._openings.allows(usage.address, now, rate, self._limits.connections_per_address / rate):
+        if not self._connection_rate.allows(usage.address, now, rate, self._limits.connections_per_address / rate):
             return "Your address opens connections too fast; try again in a second."
         return None
 
     def reset_delay(self, address: str, now: float) -> float:
         """Return the seconds until an address may replace a stream that it has reset; 0 counts as a replacement."""
         rate = self._limits.resets_per_s
-        delay = self._resets.delay(address, now, rate, burst_s=max(1.0, 1 / rate))
+        delay = self._reset_rate.delay(address, now, rate, burst_s=max(1.0, 1 / rate))
         if not delay:
-            self._resets.use(address, now, rate)
+            self._reset_rate.use(address, now, rate)
         return delay

@@ -20,18 +20,18 @@ class EdgeLoads(Collector):
 
     def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
-        self._heard: dict[int, tuple[float, LoadState]] = {}
+        self._reports: dict[int, tuple[float, LoadState]] = {}
 
-    def heard(self, edge: int, state: LoadState) -> None:
-        self._heard[edge] = (self._clock(), state)
+    def update(self, edge: int, state: LoadState) -> None:
+        self._reports[edge] = (self._clock(), state)
 
     @property
     def states(self) -> dict[int, LoadState]:
         """The newest report of each running edge, by edge number."""
         since = self._clock() - STALE_S
-        return {edge: state for edge, (at, state) in sorted(self._heard.items()) if at >= since}
+        return {edge: state for edge, (at, state) in sorted(self._reports.items()) if at >= since}
 
-    def full(self) -> float | None:
+    def retry_after_s(self) -> float | None:
         """Seconds after which a new viewer may try again; None if most edges would admit it, since clients cannot
         choose an edge.
         """

@@ -84,7 +84,7 @@ class WorkQueue:
         with self._lock:
             if self._closed or len(self._schedule) >= MAX_WAITING:
                 raise Overloaded(STOPPING if self._closed else "Too many requests are waiting; send fewer.")
-            if self._schedule.waiting(client.address) >= WAITING_PER_ADDRESS:
+            if self._schedule.waiting_count(client.address) >= WAITING_PER_ADDRESS:
                 raise Overloaded("Too many requests from this address are waiting; send fewer.")
             now = self._clock()
             self._utilisation.work(now)
@@ -160,7 +160,7 @@ class WorkQueue:
                 del self._at_work[address]
             self._all_at_work.discard(address)
             if seconds is not None:
-                self._schedule.settle(work.client, max(seconds, MIN_COST_S) - work.expected)
+                self._schedule.charge(work.client, max(seconds, MIN_COST_S) - work.expected)
                 if is_whole:
                     self._costs.measured(request.scene, request.format, work.size.pixels, seconds)
 
@@ -171,7 +171,7 @@ class WorkQueue:
         with self._lock:
             now = self._clock()
             since = self._waits_since
-            waiting = self._schedule.newest()
+            waiting = self._schedule.next_items()
             self._waits_since = {work.client: since.get(work.client, work.arrived) for work in waiting}
             oldest = min(self._waits_since.values(), default=now)
             return max(0.0, now - oldest), self._utilisation.share(now)
@@ -214,7 +214,7 @@ class WorkQueue:
     def _begin(self, work: Work) -> None:
         client = work.client
         self._waits_since.pop(client, None)
-        self._schedule.begin(client, work.expected)
+        self._schedule.start_turn(client, work.expected)
         self._alive[work] = self._clock()
         self._at_work[client.address] += 1
         if self._at_work[client.address] >= self._most_at_work:
@@ -232,6 +232,6 @@ class WorkQueue:
                 self._costs.doubt(request.scene, request.format)
                 raise
         client = work.client
-        others_wait = self._schedule.others_wait(client)
+        others_wait = self._schedule.has_other_viewers(client)
         self._large_frames.check(client, request, work.size, now, others_wait=others_wait)
         self._large_frames.heard_of(client, now)

@@ -58,7 +58,7 @@ async def render(request: Request) -> Response:
     timing = frame.timing
     headers = {
         "Server-Timing": f"queue;dur={timing.queue}, render;dur={timing.render}, encode;dur={timing.encode}",
-        "Tigas-Frame": _about(frame, frames.rate.told),
+        "Tigas-Frame": _about(frame, frames.rate.announced_rate),
         **NO_STORE,
         "Timing-Allow-Origin": "*",
     }

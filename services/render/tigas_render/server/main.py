@@ -44,7 +44,7 @@ async def serve(settings: RenderSettings) -> None:
         service.quic_port, service.https_port = sockets.quic_port, sockets.https_port
         keeper = await stack.enter_async_context(CertificateKeeper.running(settings))
         keeper.on_renewal(service.show)
-        await stack.enter_async_context(service.measured())
+        await stack.enter_async_context(service.monitor_load())
         renew = await stack.enter_async_context(
             public_servers(
                 create_app(service),

@@ -143,13 +143,13 @@ class RenderService(FrameSource):
         """Announce a certificate to pages from now on."""
         self.certificate = certificate
 
-    def measured(self) -> AbstractAsyncContextManager[None]:
+    def monitor_load(self) -> AbstractAsyncContextManager[None]:
         """Measure the load of this process, as the only edge, as a context manager."""
-        return self.admission.measured(self._report)
+        return self.admission.monitor(self._report)
 
     def _report(self, state: LoadState) -> None:
-        self.loads.heard(0, state)
-        self.admission.load.engine(*self.engine.state())
+        self.loads.update(0, state)
+        self.admission.load.record_engine(*self.engine.state())
 
     def config(self, page: str) -> ServerConfig:
         """The configuration of a page that was opened at this origin."""
@@ -173,7 +173,7 @@ class RenderService(FrameSource):
             dash_h3_url=f"{http3}{SERVICES_PATH}/dash" if http3 and "dash" in self.settings.upstreams else None,
             congestion_control=self.settings.congestion_control if quic_port else None,
             tcp_congestion_control=tcp_congestion_control(),
-            retry_after_s=self.loads.full(),
+            retry_after_s=self.loads.retry_after_s(),
             max_upload_bytes=self.library.max_upload_bytes,
             why_no_training=self._why_no_training,
         )

@@ -124,7 +124,7 @@ class RenderSession:
                 coarse=frame.coarse or None,
                 video=frame.video,
                 timing=frame.timing,
-                requests_per_s=self._rate.told,
+                requests_per_s=self._rate.announced_rate,
             )
         )
 
@@ -137,7 +137,7 @@ class RenderSession:
             status=about.status,
             seq=_seq(body),
             content_type="application/problem+json",
-            requests_per_s=self._rate.told,
+            requests_per_s=self._rate.announced_rate,
         )
         return _encode(header) + about.model_dump_json().encode()
 

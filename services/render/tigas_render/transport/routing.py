@@ -265,11 +265,11 @@ class Router:
             self._service.origins.check(pseudo[b":authority"].decode("latin-1"), page)
             if (reason := self._usage.session_refusal(self._service.limits, len(self._sessions))) is not None:
                 return refusal_app(429, reason)
-            load.check()
+            load.check_capacity()
         except TigasError as error:
             return error_response(error)
         self.set_unresponsive(False)
-        load.entered()
+        load.add_viewer()
         writer.send_headers([(b":status", b"200"), DRAFT_HEADER])
         self._usage.sessions += 1
         client = Client(self._usage.address, f"session {next(_numbers)}", "webtransport")

@@ -73,14 +73,14 @@ class SendScheduler:
 
         An address's only waiting answer may have any size.
         """
-        waiting = self._usage.waiting
+        waiting = self._usage.waiting_bytes
         if waiting and waiting + size > self.limits.waiting_per_address:
             return False
-        self._usage.waiting += size
+        self._usage.waiting_bytes += size
         return True
 
     def release(self, size: int) -> None:
-        self._usage.waiting -= size
+        self._usage.waiting_bytes -= size
 
     def resume_streams(self) -> None:
         """Resume the streams that have room again, oldest first."""

@@ -90,7 +90,7 @@ class Http3Server:
         for sock in self._share.sockets or bind_all(*self._address):
             self._address = sock.getsockname()[:2]
             self._endpoints[len(sock.getsockname())] = UdpEndpoint(
-                sock, self._inbox.add, self._on_datagrams, self._load.batch_refused
+                sock, self._inbox.add, self._on_datagrams, self._load.count_refused_batch
             )
         self._resets = StatelessResets(self._reset_key, self.port)
         return self
@@ -171,10 +171,10 @@ class Http3Server:
         had_enough: set[str] = set()
         while now < until and (taken := self._inbox.pop(had_enough)) is not None:
             network, datagram = taken
-            if self._load.handled(now - datagram.arrived):
+            if self._load.accept_datagram(now - datagram.arrived):
                 self._handle_datagram(datagram)
             handled[network] += 1
-            if handled[network] > self._inbox.waiting(network) // ROUND_DIVISOR and len(self._connections.usage) > 1:
+            if handled[network] > self._inbox.count(network) // ROUND_DIVISOR and len(self._connections.usage) > 1:
                 had_enough.add(network)
             begun, now = now, time.monotonic()
             self._inbox.charge(network, now - begun)
@@ -233,9 +233,9 @@ class Http3Server:
             less_loaded = self._less_loaded_edge()
             if less_loaded is not None or self._must_prove_address(usage):
                 return self._retries.create(header, address, now, less_loaded)
-        if not self._admission.may_begin(network, now):
+        if not self._admission.try_begin_handshake(network, now):
             return None
-        if (reason := self._admission.refusal(usage, len(self._connections), now)) is not None:
+        if (reason := self._admission.connection_refusal(usage, len(self._connections), now)) is not None:
             return refusal_packet(header, reason)
         quic = ServerQuicConnection(
             edge=self._share.edge,

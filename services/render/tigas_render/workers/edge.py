@@ -64,7 +64,7 @@ async def edge(channel: Channel, start: Start, news: AsyncIterator[Message]) -> 
     async with AsyncExitStack() as stack:
         frames = _frames(start, admission.load)
         await stack.enter_async_context(frames)
-        await stack.enter_async_context(admission.measured(_every(TELL_TICKS, frames)))
+        await stack.enter_async_context(admission.monitor(_every(TELL_TICKS, frames)))
         proxies = [EngineProxy(http_socket(start.directory, number), origins) for number in range(len(start.devices))]
         for proxy in proxies:
             stack.push_async_callback(proxy.close)
@@ -93,9 +93,9 @@ async def edge(channel: Channel, start: Start, news: AsyncIterator[Message]) -> 
 
 def _frames(start: EdgeStart, load: Load) -> PipeClient | Engines:
     if len(start.devices) == 1:
-        return PipeClient(frames_socket(start.directory, 0), start.number, load.engine)
+        return PipeClient(frames_socket(start.directory, 0), start.number, load.record_engine)
     sockets = {device: frames_socket(start.directory, number) for number, device in enumerate(start.devices)}
-    return Engines(sockets, start.number, load.engine, time.monotonic)
+    return Engines(sockets, start.number, load.record_engine, time.monotonic)
 
 
 def _every(ticks: int, engines: PipeClient | Engines) -> Callable[[LoadState], None]:

@@ -46,7 +46,7 @@ async def engine(channel: Channel, start: Start, news: AsyncIterator[Message]) -
         await stack.enter_async_context(serve_unix(app, http_socket(start.directory, start.number)))
         pipes = await stack.enter_async_context(
             serve_edges(
-                frames_socket(start.directory, start.number), service, service.engine.state, service.loads.heard
+                frames_socket(start.directory, start.number), service, service.engine.state, service.loads.update
             )
         )
         await _connected(pipes, start.edges)
