@@ -10,7 +10,7 @@ import pytest
 from tests.render.fakes import render_request
 from tigas_common.errors import Overloaded
 from tigas_common.wire.render import DEFAULT_LADDER, AnswerFormat
-from tigas_render.engine.cost_model import ACTIVE_S, USUAL_OVERSCAN, CostModel, LargeFrames
+from tigas_render.engine.cost_model import ACTIVE_S, NORMAL_OVERSCAN, CostModel, LargeFrameLimit
 from tigas_render.engine.frame_size import FrameSize
 from tigas_render.frame import Client
 
@@ -23,7 +23,7 @@ Measured = tuple[str, AnswerFormat, int, float]
 def costs(*measured: Measured) -> CostModel:
     model = CostModel()
     for each in measured:
-        model.measured(*each)
+        model.add_measurement(*each)
     return model
 
 
@@ -32,7 +32,7 @@ A_LARGE: Measured = ("scene", "jpeg", LARGE, 0.16)
 
 
 @pytest.mark.parametrize(
-    ("measured", "pixels", "at_least", "at_most"),
+    ("measured", "pixels", "lower", "upper"),
     [
         ([("other", "jpeg", LARGE, 0.1), ("scene", "png", LARGE, 0.1)], LARGE, 0, math.inf),
         ([("scene", "jpeg", LARGE, 1.0), *[("scene", "jpeg", LARGE, 0.1)] * 30], LARGE, 0.1, 0.1),
@@ -42,24 +42,24 @@ A_LARGE: Measured = ("scene", "jpeg", LARGE, 0.16)
     ],
     ids=["others tell nothing", "the newest count most", "larger", "smaller", "tiny ones tell little"],
 )
-def test_costs_are_bounded(measured: list[Measured], pixels: int, at_least: float, at_most: float) -> None:
+def test_costs_are_bounded(measured: list[Measured], pixels: int, lower: float, upper: float) -> None:
     model = costs(*measured)
-    assert model.at_least("scene", "jpeg", pixels) == pytest.approx(at_least, 0.05)
-    assert model.at_most("scene", "jpeg", pixels) == pytest.approx(at_most, 0.05)
+    assert model.lower_bound("scene", "jpeg", pixels) == pytest.approx(lower, 0.05)
+    assert model.upper_bound("scene", "jpeg", pixels) == pytest.approx(upper, 0.05)
 
 
 def test_what_is_doubted_fades() -> None:
     model = costs(("scene", "jpeg", LARGE, 1.0))
     for _ in range(30):
-        model.doubt("scene", "jpeg")
-    assert model.at_least("scene", "jpeg", LARGE) < 0.05
+        model.decay("scene", "jpeg")
+    assert model.lower_bound("scene", "jpeg", LARGE) < 0.05
 
 
 OTHER_AT_100 = [(POLITE, 100.0)]
 
 
 @pytest.mark.parametrize(
-    ("changes", "heard_of", "now", "is_refused"),
+    ("changes", "active", "now", "is_refused"),
     [
         ({}, [(HOSTILE, 100.0)], 100.0, False),
         ({}, [(HOSTILE, 100.0), (POLITE, 101.0)], 102.9, True),
@@ -68,7 +68,7 @@ OTHER_AT_100 = [(POLITE, 100.0)]
         ({}, [(Client(HOSTILE.address, "1/5002"), 100.0)], 100.0, False),
         ({}, [(Client(HOSTILE.address, "2/5002"), 100.0)], 100.0, True),
         ({"profile": 0}, OTHER_AT_100, 100.0, False),
-        ({"profile": 0, "overscan": USUAL_OVERSCAN}, OTHER_AT_100, 100.0, False),
+        ({"profile": 0, "overscan": NORMAL_OVERSCAN}, OTHER_AT_100, 100.0, False),
         ({"profile": 0, "overscan": 0.5}, OTHER_AT_100, 100.0, True),
         ({"profile": 2, "overscan": 0.5}, OTHER_AT_100, 100.0, False),
         ({"width": 1280, "height": 720}, OTHER_AT_100, 100.0, False),
@@ -77,11 +77,11 @@ OTHER_AT_100 = [(POLITE, 100.0)]
     ],
 )
 def test_huge_frames_are_refused_while_another_client_is_active(
-    changes: dict[str, Any], heard_of: list[tuple[Client, float]], now: float, is_refused: bool
+    changes: dict[str, Any], active: list[tuple[Client, float]], now: float, is_refused: bool
 ) -> None:
-    large_frames = LargeFrames(DEFAULT_LADDER, costs(A_LARGE))
-    for client, at in heard_of:
-        large_frames.heard_of(client, at)
+    large_frames = LargeFrameLimit(DEFAULT_LADDER, costs(A_LARGE))
+    for client, at in active:
+        large_frames.record_activity(client, at)
     assert refused(large_frames, now, **changes) == is_refused
 
 
@@ -89,20 +89,22 @@ def test_huge_frames_are_refused_while_another_client_is_active(
     ("measured", "is_refused"), [([("scene", "jpeg", HUGE, 0.02)], False), ([], True)], ids=["quick", "unknown"]
 )
 def test_the_cost_of_huge_frames_counts(measured: list[Measured], is_refused: bool) -> None:
-    large_frames = LargeFrames(DEFAULT_LADDER, costs(*measured))
-    large_frames.heard_of(POLITE, 100.0)
+    large_frames = LargeFrameLimit(DEFAULT_LADDER, costs(*measured))
+    large_frames.record_activity(POLITE, 100.0)
     assert refused(large_frames, 100.0) == is_refused
 
 
 def test_whoever_waits_is_active_however_long() -> None:
-    assert refused(LargeFrames(DEFAULT_LADDER, costs(A_LARGE)), 100.0, others_wait=True)
+    assert refused(LargeFrameLimit(DEFAULT_LADDER, costs(A_LARGE)), 100.0, others_wait=True)
 
 
-def refused(large_frames: LargeFrames, now: float, *, others_wait: bool = False, **changes: Any) -> bool:
+def refused(large_frames: LargeFrameLimit, now: float, *, others_wait: bool = False, **changes: Any) -> bool:
     """Whether the hostile client's frame, huge unless changed, is refused until others count as inactive."""
     request = render_request(**{"width": 4096, "height": 4096, "profile": None} | changes)
     try:
-        large_frames.check(HOSTILE, request, FrameSize.of(request, DEFAULT_LADDER), now, others_wait=others_wait)
+        large_frames.check(
+            HOSTILE, request, FrameSize.of_request(request, DEFAULT_LADDER), now, others_wait=others_wait
+        )
     except Overloaded as error:
         return error.retry_after_s == ACTIVE_S
     return False

@@ -12,7 +12,7 @@ import pytest
 from tests.render.engine_bench import Bench, busy
 from tests.render.fakes import FakeImage, FakeLaneRasterizer, FakeRasterizer, render_request
 from tigas_common.wire.render import DEFAULT_LADDER
-from tigas_render.engine.frame_maker import ENOUGH_LANES
+from tigas_render.engine.frame_maker import SUFFICIENT_LANES
 from tigas_render.engine.frame_size import FrameSize
 from tigas_render.raster.base import Camera, Pause
 
@@ -126,15 +126,15 @@ async def test_a_large_frame_is_interrupted_for_anothers_small_one(address: str,
     assert [round(frame.timing.render) for frame in frames] == [922, 58 if profile == 3 else 518]
 
 
-@pytest.mark.parametrize(("seconds", "at_once"), [(0.1, ENOUGH_LANES), (0.001, 10)], ids=["slow", "quick"])
+@pytest.mark.parametrize(("seconds", "at_once"), [(0.1, SUFFICIENT_LANES), (0.001, 10)], ids=["slow", "quick"])
 async def test_more_frames_than_keep_a_device_busy_are_begun_only_if_they_are_quick(
     seconds: float, at_once: int
 ) -> None:
     bench = Bench(FakeLaneRasterizer(frames_in_flight=10))
     request = render_request()
-    pixels = FrameSize.of(request, DEFAULT_LADDER).pixels
+    pixels = FrameSize.of_request(request, DEFAULT_LADDER).pixels
     async with bench.engine:
-        bench.engine._queue._costs.measured(request.scene, request.format, pixels, seconds)
+        bench.engine._queue._costs.add_measurement(request.scene, request.format, pixels, seconds)
         frames = [bench.submit("viewer", address=f"{number}") for number in range(12)]
         for _ in range(at_once):
             await bench.rendering()

@@ -18,7 +18,7 @@ SCENE = RASTERIZER.prepare(cloud(1500, 3))
 
 
 def render(request: RenderRequest) -> Image:
-    camera = FrameSize.of(request, DEFAULT_LADDER).camera(request, (0.2, 0.5, 0.9))
+    camera = FrameSize.of_request(request, DEFAULT_LADDER).camera(request, (0.2, 0.5, 0.9))
     return RASTERIZER.render(SCENE, camera, "png")
 
 
@@ -35,7 +35,7 @@ def test_what_the_viewport_shows_is_the_frame_without_overscan(
     plain = render_request(width=width, height=height, profile=profile, translation=translation, roll=5.0, **lens)
     request = plain.model_copy(update={"overscan": overscan})
     expected, frame = pixels(render(plain)), pixels(render(request))
-    size = FrameSize.of(request, DEFAULT_LADDER)
+    size = FrameSize.of_request(request, DEFAULT_LADDER)
     assert frame.shape == (size.height, size.width, 3)
     rows, columns = expected.shape[:2]
     assert (size.margin_x, size.margin_y) == (round(overscan * columns), round(overscan * rows))
@@ -50,7 +50,9 @@ def test_what_the_viewport_shows_is_the_frame_without_overscan(
 @pytest.mark.parametrize(("width", "height"), [(640, 360), (854, 480), (2, 2)])
 def test_even_frames_stay_even(width: int, height: int, overscan: float) -> None:
     """Video's planes need it."""
-    size = FrameSize.of(render_request(width=width, height=height, profile=None, overscan=overscan), DEFAULT_LADDER)
+    size = FrameSize.of_request(
+        render_request(width=width, height=height, profile=None, overscan=overscan), DEFAULT_LADDER
+    )
     assert size.width % 2 == size.height % 2 == 0
 
 
@@ -60,16 +62,16 @@ def test_even_frames_stay_even(width: int, height: int, overscan: float) -> None
 )
 def test_full_detail_is_drawn_on_request_and_for_pngs(changes: dict[str, str], is_full: bool) -> None:
     request = render_request(**changes)
-    camera = FrameSize.of(request, DEFAULT_LADDER).camera(request, (0.0, 0.0, 0.0))
+    camera = FrameSize.of_request(request, DEFAULT_LADDER).camera(request, (0.0, 0.0, 0.0))
     assert camera.full_detail == is_full
 
 
 @pytest.mark.parametrize(("width", "height", "overscan"), [(8192, 16, 0.1), (4096, 4096, 0.01)])
 def test_a_frame_that_overscan_makes_too_large_is_refused(width: int, height: int, overscan: float) -> None:
     plain = render_request(profile=None, width=width, height=height)
-    assert FrameSize.of(plain, DEFAULT_LADDER).pixels == width * height
+    assert FrameSize.of_request(plain, DEFAULT_LADDER).pixels == width * height
     with pytest.raises(InvalidRequest, match=r"overscan: the frame would have \d+×\d+ pixels"):
-        FrameSize.of(plain.model_copy(update={"overscan": overscan}), DEFAULT_LADDER)
+        FrameSize.of_request(plain.model_copy(update={"overscan": overscan}), DEFAULT_LADDER)
 
 
 @pytest.mark.parametrize(
@@ -92,13 +94,13 @@ def test_frames_are_rendered_for_the_display_that_they_are_shown_on(
 ) -> None:
     width, height = viewport
     request = render_request(width=width, height=height, profile=profile, display_scale=display_scale)
-    camera = FrameSize.of(request, DEFAULT_LADDER).camera(request, (0, 0, 0))
+    camera = FrameSize.of_request(request, DEFAULT_LADDER).camera(request, (0, 0, 0))
     assert camera.display_scale == pytest.approx(scale, rel=1e-3)
 
 
 def test_a_portrait_viewport_gets_as_many_square_pixels() -> None:
     request = render_request(width=390, height=844, fx=500.0, fy=500.0, profile=2)
-    lens = FrameSize.of(request, DEFAULT_LADDER).camera(request, (0, 0, 0)).intrinsics
+    lens = FrameSize.of_request(request, DEFAULT_LADDER).camera(request, (0, 0, 0)).intrinsics
     assert lens.width * lens.height == pytest.approx(640 * 360, rel=0.01)
     assert lens.width / lens.height == pytest.approx(390 / 844, rel=0.01)
     assert lens.fx == pytest.approx(lens.fy, rel=0.01)

@@ -10,13 +10,13 @@ from tigas_common.wire.render import AnswerFormat, RenderRequest, Rung
 from tigas_render.engine.frame_size import FrameSize
 from tigas_render.frame import Client
 
-NEWEST = 0.2
+NEWEST_WEIGHT = 0.2
 """The weight of the newest measurement in the running mean."""
 ACTIVE_S = 2.0
 """Seconds for which a client counts as active after a request or a frame."""
-USUAL_OVERSCAN = 0.25
+NORMAL_OVERSCAN = 0.25
 """Overscan up to which a rung is considered normal use; the page never requests more unless the user chooses it."""
-SHORT_S = 0.05
+MAX_WAIT_S = 0.05
 """Seconds that a client may have to wait for another client's frame, whatever the frame's size."""
 
 
@@ -31,32 +31,32 @@ class CostModel:
     def __init__(self) -> None:
         self._means: defaultdict[tuple[str, AnswerFormat], dict[int, float]] = defaultdict(dict)
 
-    def measured(self, scene: str, format: AnswerFormat, pixels: int, seconds: float) -> None:
+    def add_measurement(self, scene: str, format: AnswerFormat, pixels: int, seconds: float) -> None:
         means, size = self._means[scene, format], pixels.bit_length()
-        means[size] = (1 - NEWEST) * means.get(size, seconds) + NEWEST * seconds
+        means[size] = (1 - NEWEST_WEIGHT) * means.get(size, seconds) + NEWEST_WEIGHT * seconds
 
-    def at_least(self, scene: str, format: AnswerFormat, pixels: int) -> float:
+    def lower_bound(self, scene: str, format: AnswerFormat, pixels: int) -> float:
         """A lower bound on the cost of a frame of this size, in seconds; 0 without measurements."""
         means, size = self._means.get((scene, format), {}), pixels.bit_length()
         if size in means:
             return means[size]
         return max((seconds * min(1.0, 2.0 ** (size - other)) for other, seconds in means.items()), default=0.0)
 
-    def at_most(self, scene: str, format: AnswerFormat, pixels: int) -> float:
+    def upper_bound(self, scene: str, format: AnswerFormat, pixels: int) -> float:
         """An upper bound on the cost of a frame of this size, in seconds; infinite without measurements."""
         means, size = self._means.get((scene, format), {}), pixels.bit_length()
         if size in means:
             return means[size]
         return min((seconds * max(1.0, 2.0 ** (size - other)) for other, seconds in means.items()), default=math.inf)
 
-    def doubt(self, scene: str, format: AnswerFormat) -> None:
+    def decay(self, scene: str, format: AnswerFormat) -> None:
         """Lower the estimates that led to a refusal; otherwise they would never be measured again."""
         means = self._means.get((scene, format), {})
         for size in means:
             means[size] *= 0.9
 
 
-class LargeFrames:
+class LargeFrameLimit:
     """Refuses slow frames larger than the best rung while another client is active."""
 
     def __init__(self, ladder: tuple[Rung, ...], costs: CostModel) -> None:
@@ -65,30 +65,30 @@ class LargeFrames:
         self._active: OrderedDict[tuple[str, str], float] = OrderedDict()
         """Last activity of each viewer, oldest first."""
 
-    def heard_of(self, client: Client, now: float) -> None:
+    def record_activity(self, client: Client, now: float) -> None:
         """Record a client's request, or the start of its frame."""
         viewer = client.viewer
         self._active[viewer] = now
         self._active.move_to_end(viewer)
-        self._forget(now)
+        self._expire(now)
 
     def check(self, client: Client, request: RenderRequest, size: FrameSize, now: float, *, others_wait: bool) -> None:
         """Raise Overloaded, with a retry time, if a request must wait until no other client is active."""
-        is_usual = request.profile is not None and request.overscan <= USUAL_OVERSCAN
-        if is_usual or size.pixels <= self._best or not (others_wait or self._others(client, now)):
+        is_usual = request.profile is not None and request.overscan <= NORMAL_OVERSCAN
+        if is_usual or size.pixels <= self._best or not (others_wait or self._has_other_active(client, now)):
             return
-        usual = self._costs.at_least(request.scene, request.format, self._best)
-        if self._costs.at_most(request.scene, request.format, size.pixels) > max(usual, SHORT_S):
+        usual = self._costs.lower_bound(request.scene, request.format, self._best)
+        if self._costs.upper_bound(request.scene, request.format, size.pixels) > max(usual, MAX_WAIT_S):
             raise Overloaded(
                 f"{size.width}×{size.height} pixels would keep other viewers waiting; request a profile, a smaller "
                 "viewport or less overscan, or try again later.",
                 retry_after_s=ACTIVE_S,
             )
 
-    def _others(self, client: Client, now: float) -> bool:
-        self._forget(now)
+    def _has_other_active(self, client: Client, now: float) -> bool:
+        self._expire(now)
         return len(self._active) > (client.viewer in self._active)
 
-    def _forget(self, now: float) -> None:
+    def _expire(self, now: float) -> None:
         while self._active and next(iter(self._active.values())) + ACTIVE_S < now:
             self._active.popitem(last=False)

@@ -92,13 +92,13 @@ class Engine(FrameSource):
         use = self._scenes.use(request.scene, coarse=may_be_coarse)
         work = Work(client, request, arrived, use, on_answer)
         try:
-            scene = work.use.enter_if_loaded()
+            scene = work.scene_use.enter_if_loaded()
             if scene is None:
-                work.loading = asyncio.create_task(self._enter(work))
+                work.loading = asyncio.create_task(self._load_scene(work))
                 self._loading.add(work.loading)
                 work.loading.add_done_callback(self._loading.discard)
             else:
-                self._begin(work, scene)
+                self._enqueue(work, scene)
         except TigasError as error:
             self._post(work, error)
         return partial(self._cancel, work)
@@ -113,11 +113,11 @@ class Engine(FrameSource):
     @property
     def in_flight(self) -> dict[str, int]:
         """Numbers of unanswered requests by stage: waiting for a scene, waiting for their turn, and in progress."""
-        return {"loading": len(self._loading), "waiting": len(self._queue), "rendering": self._queue.at_work}
+        return {"loading": len(self._loading), "waiting": len(self._queue), "rendering": self._queue.in_progress}
 
     def check_progress(self) -> None:
         """Declare the device lost if a frame has been rendering for longer than `STUCK_S`."""
-        if self._queue.longest_silence() > STUCK_S:
+        if self._queue.longest_stall_s() > STUCK_S:
             reason = f"The renderer is stuck: a frame has been rendering for more than {STUCK_S:g} s."
             self.lose_device(DeviceLost(reason))
 
@@ -126,37 +126,37 @@ class Engine(FrameSource):
         if not self.device_lost.done():
             self.device_lost.set_result(reason)
 
-    async def _enter(self, work: Work) -> None:
+    async def _load_scene(self, work: Work) -> None:
         try:
-            scene = await work.use.enter()
+            scene = await work.scene_use.enter()
             work.loading = None
-            self._begin(work, scene)
+            self._enqueue(work, scene)
         except asyncio.CancelledError:
             self._answer(work, Overloaded(STOPPING))  # cancelled requests have no recipient
             raise
         except Exception as error:
             self._answer(work, error)
 
-    def _begin(self, work: Work, scene: LoadedScene) -> None:
+    def _enqueue(self, work: Work, scene: LoadedScene) -> None:
         """Queue work whose scene is loaded and in use. Raises InvalidRequest and Overloaded."""
         request = work.request
-        work.scene, work.is_entered = scene, True
+        work.scene, work.holds_scene = scene, True
         work.ladder = ladder = scene.ladder or self._ladder
         if request.profile is not None and request.profile >= len(ladder):
             raise InvalidRequest(f"profile: the ladder has rungs 0 to {len(ladder) - 1}.")
-        work.size = FrameSize.of(request, ladder)
+        work.size = FrameSize.of_request(request, ladder)
         self._queue.push(work)
 
     def _cancel(self, work: Work) -> None:
         if work.is_over:
             return
         work.on_answer = None
-        self._metrics.count("cancelled")
+        self._metrics.count_failure("cancelled")
         if work.loading is not None:
             work.loading.cancel()
-        if work.is_entered:
+        if work.holds_scene:
             self._queue.remove(work)
-            work.use.leave()
+            work.scene_use.leave()
 
     def _finish(self, work: Work, result: Frame | Exception) -> None:
         """Answer work that has begun: immediately on the event loop, or soon when called from another thread."""
@@ -174,21 +174,21 @@ class Engine(FrameSource):
             try:
                 work.check_deadline(self._clock())
             except DeadlineExceeded as error:
-                self._lost(work, result)
+                self._handle_undelivered(work, result)
                 result = error
-        elif isinstance(result, OutOfDeviceMemory) and self._may_try_again(work):
+        elif isinstance(result, OutOfDeviceMemory) and self._can_retry(work):
             # later, once the error has been released, because it references the failed attempt's allocations
-            asyncio.get_running_loop().call_soon(self._try_again, work)
+            asyncio.get_running_loop().call_soon(self._retry, work)
             return
         self._answer(work, result)
 
-    def _may_try_again(self, work: Work) -> bool:
-        return work.is_entered and not work.is_over and not work.is_second_try and self._scenes.evict()
+    def _can_retry(self, work: Work) -> bool:
+        return work.holds_scene and not work.is_over and not work.is_retry and self._scenes.evict()
 
-    def _try_again(self, work: Work) -> None:
+    def _retry(self, work: Work) -> None:
         if work.is_over:
             return
-        work.is_second_try = True
+        work.is_retry = True
         try:
             self._queue.push(work)
         except Overloaded as error:
@@ -199,14 +199,14 @@ class Engine(FrameSource):
             self.lose_device(result)
         on_answer, work.on_answer = work.on_answer, None
         if on_answer is None:
-            self._lost(work, result)
+            self._handle_undelivered(work, result)
             return
-        if work.is_entered:
-            work.use.leave()
+        if work.holds_scene:
+            work.scene_use.leave()
         if isinstance(result, Frame):
-            self._metrics.frame(work.request.scene, work.client.transport, result)
+            self._metrics.count_frame(work.request.scene, work.client.transport, result)
         elif isinstance(result, TigasError):
-            self._metrics.count(result.type)
+            self._metrics.count_failure(result.type)
         try:
             on_answer(result)
         except Exception:  # one viewer's failure must not affect the others
@@ -214,6 +214,6 @@ class Engine(FrameSource):
             if isinstance(result, Frame):
                 result.release()
 
-    def _lost(self, work: Work, result: Frame | Exception) -> None:
+    def _handle_undelivered(self, work: Work, result: Frame | Exception) -> None:
         if isinstance(result, Frame) and result.video is not None:
             self.videos.lost(work.client, result.seq)

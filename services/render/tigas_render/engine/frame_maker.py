@@ -29,9 +29,9 @@ from tigas_render.raster.lanes import FetchedImage, LaneRasterizer, Lanes
 logger = logging.getLogger(__name__)
 
 
-ENOUGH_LANES: Final = 6
+SUFFICIENT_LANES: Final = 6
 """Number of concurrent frames that keeps a device busy."""
-MOST_BEGUN_S: Final = 0.05
+MAX_LANES_BUSY_S: Final = 0.05
 """Expected seconds of work in lanes above which only ENOUGH_LANES are used: for a slow device, requests had better wait
 in the queue, where newer ones can replace them."""
 
@@ -64,18 +64,18 @@ class FrameMaker(ABC):
                 begun = self.clock()
                 if not work.is_over:
                     work.check_deadline(begun)
-                    body = _encoded(work, image)
+                    body = _encode(work, image)
             if body is not None and request.video is not None:
                 body, video = self.videos.encode(work.client, request.seq, request.video, size.width, size.height, body)
         except (DeadlineExceeded, Superseded) as error:
-            self.queue.done(work, rendering + self.clock() - begun + encoded)
+            self.queue.finish(work, rendering + self.clock() - begun + encoded)
             self.answer(work, error)
             return
         except Exception as error:
-            self._failed("Encoding", work, error)
+            self._fail("Encoding", work, error)
             return
         encoding = self.clock() - begun + encoded
-        self.queue.done(work, rendering + encoding, is_whole=body is not None and not work.scene.is_coarse)
+        self.queue.finish(work, rendering + encoding, is_whole=body is not None and not work.scene.is_coarse)
         if body is None:
             return
         waiting = begun - work.arrived - rendering - encoded
@@ -86,13 +86,13 @@ class FrameMaker(ABC):
         )  # fmt: skip
         self.answer(work, frame)
 
-    def _failed(self, doing: str, work: Work, error: Exception) -> None:
-        """Answer work that has begun with an error. doing: the failed step, for the log."""
-        self.queue.done(work)
+    def _fail(self, step: str, work: Work, error: Exception) -> None:
+        """Answer work that has begun with an error. step: the failed step, for the log."""
+        self.queue.finish(work)
         if isinstance(error, TigasError):
-            logger.error("%s %s failed: %s", doing, work.request.scene, error.detail)
+            logger.error("%s %s failed: %s", step, work.request.scene, error.detail)
         else:
-            logger.error("%s %s failed", doing, work.request.scene, exc_info=error)
+            logger.error("%s %s failed", step, work.request.scene, exc_info=error)
         self.answer(work, error)
 
 
@@ -106,18 +106,18 @@ class LaneFrameMaker(FrameMaker):
     rasterizer: LaneRasterizer
 
     async def start(self) -> None:
-        self._begun_s = 0.0  # expected seconds of frames in lanes
+        self._lanes_busy_s = 0.0  # expected seconds of frames in lanes
         self._on_host = 0  # images that the threads are encoding or about to encode
         self._is_scheduled = False  # whether the event loop is about to run `_begin_all`
         self._loop = asyncio.get_running_loop()
-        self._most_on_host = max(self.rasterizer.frames_in_flight, os.cpu_count() or 1)
-        self._threads = ThreadPoolExecutor(self._most_on_host, "host")
-        self._left_host: CallbackQueue[None] = CallbackQueue(self._leave_host)
+        self._max_on_host = max(self.rasterizer.frames_in_flight, os.cpu_count() or 1)
+        self._threads = ThreadPoolExecutor(self._max_on_host, "host")
+        self._host_done: CallbackQueue[None] = CallbackQueue(self._handle_host_done)
         await self._loop.run_in_executor(self._threads, self.rasterizer.warm_up)
         self._lanes: Lanes | None = Lanes(self.rasterizer.frames_in_flight, self.rasterizer.enter_thread)
         self._loop.add_reader(self._lanes.fileno(), self._collect)
-        self.queue.on_work(self._schedule)
-        self._begin_all()  # starts waiting work; if there is no work, the queue notes that the renderer is idle
+        self.queue.set_listener(self._schedule)
+        self._start_all()  # starts waiting work; if there is no work, the queue notes that the renderer is idle
 
     async def stop(self) -> None:
         if self._lanes is not None:
@@ -132,45 +132,45 @@ class LaneFrameMaker(FrameMaker):
         """Start new work soon, once for a burst of requests."""
         if not self._is_scheduled:
             self._is_scheduled = True
-            self._loop.call_soon(self._begin_all)
+            self._loop.call_soon(self._start_all)
 
-    def _begin_all(self) -> None:
+    def _start_all(self) -> None:
         self._is_scheduled = False
-        while self._lanes is not None and self._may_begin(self._lanes):
-            work = self.queue.take()
+        while self._lanes is not None and self._can_start(self._lanes):
+            work = self.queue.pop_nowait()
             if work is None:
                 return
-            self._begin(self._lanes, work)
+            self._start(self._lanes, work)
 
-    def _may_begin(self, lanes: Lanes) -> bool:
-        if not lanes.free or self._on_host >= self._most_on_host:
+    def _can_start(self, lanes: Lanes) -> bool:
+        if not lanes.free or self._on_host >= self._max_on_host:
             return False
-        return lanes.busy < ENOUGH_LANES or self._begun_s < MOST_BEGUN_S
+        return lanes.busy < SUFFICIENT_LANES or self._lanes_busy_s < MAX_LANES_BUSY_S
 
-    def _begin(self, lanes: Lanes, work: Work) -> None:
+    def _start(self, lanes: Lanes, work: Work) -> None:
         request = work.request
         try:
             camera = work.size.camera(request, work.scene.background)
             job = self.rasterizer.job(
-                work.scene.prepared, camera, picture_format(request), work.quality, depth=has_depth(request)
+                work.scene.prepared, camera, raster_format(request), work.quality, depth=wants_depth(request)
             )
-            lanes.begin(job, partial(self._fetched, work))
+            lanes.begin(job, partial(self._handle_fetched, work))
         except Exception as error:
-            self._failed("Rendering", work, error)
+            self._fail("Rendering", work, error)
         else:
-            self._begun_s += work.expected
+            self._lanes_busy_s += work.expected
 
     def _collect(self) -> None:
         try:
             if self._lanes is not None:
                 self._lanes.collect()
         finally:
-            self._begin_all()
+            self._start_all()
 
-    def _fetched(self, work: Work, image: FetchedImage | Exception) -> None:
-        self._begun_s -= work.expected
+    def _handle_fetched(self, work: Work, image: FetchedImage | Exception) -> None:
+        self._lanes_busy_s -= work.expected
         if isinstance(image, Exception):
-            self._failed("Rendering", work, image)
+            self._fail("Rendering", work, image)
         elif image.format == "jpeg":
             self._finish(work, image)
         else:
@@ -181,11 +181,11 @@ class LaneFrameMaker(FrameMaker):
         try:
             self._finish(work, image)
         finally:
-            self._left_host.put(None)
+            self._host_done.put(None)
 
-    def _leave_host(self, _: None) -> None:
+    def _handle_host_done(self, _: None) -> None:
         self._on_host -= 1
-        self._begin_all()
+        self._start_all()
 
 
 class ThreadFrameMaker(FrameMaker):
@@ -213,11 +213,11 @@ class ThreadFrameMaker(FrameMaker):
 
     def _make_next(self) -> bool:
         """Wait for work and make its frame. Returns False once the queue is closed."""
-        work = self.queue.next()
+        work = self.queue.pop()
         if work is None:
             return False
         image = self._render(work, is_interruptible=True)
-        self.queue.rendered()
+        self.queue.yield_turn()
         if image is not None:
             self._finish(work, image)
         return True
@@ -229,7 +229,7 @@ class ThreadFrameMaker(FrameMaker):
         def pause() -> None:
             nonlocal interrupted
             begun = self.clock()
-            self._make_ahead_of(work)
+            self._make_urgent(work)
             interrupted += self.clock() - begun
 
         request = work.request
@@ -238,29 +238,29 @@ class ThreadFrameMaker(FrameMaker):
             image = self.rasterizer.render(
                 work.scene.prepared,
                 work.size.camera(request, work.scene.background),
-                picture_format(request),
+                raster_format(request),
                 pause if is_interruptible else None,
-                depth=has_depth(request),
+                depth=wants_depth(request),
             )
         except Exception as error:
-            self._failed("Rendering", work, error)
+            self._fail("Rendering", work, error)
             return None
         image.rendering = self.clock() - started - interrupted
         return image
 
-    def _make_ahead_of(self, work: Work) -> None:
+    def _make_urgent(self, work: Work) -> None:
         """Make much cheaper frames of other clients before continuing with a frame in progress."""
-        while (urgent := self.queue.next_ahead_of(work)) is not None:
+        while (urgent := self.queue.pop_urgent(work)) is not None:
             image = self._render(urgent, is_interruptible=False)
             if image is not None:
                 self._finish(urgent, image)
 
 
-def has_depth(request: RenderRequest) -> bool:
+def wants_depth(request: RenderRequest) -> bool:
     return request.depth and request.format in ("jpeg", "webp")
 
 
-def picture_format(request: RenderRequest) -> FrameFormat:
+def raster_format(request: RenderRequest) -> FrameFormat:
     """The format to request from the rasteriser."""
     match request.format:
         case "h264":
@@ -271,12 +271,12 @@ def picture_format(request: RenderRequest) -> FrameFormat:
             return format
 
 
-def _encoded(work: Work, image: Image) -> bytes:
+def _encode(work: Work, image: Image) -> bytes:
     """The frame's body. Rasterisers cannot encode WebP, so the host does."""
     if work.request.format == "webp":
         body = encode_webp(image.to_host(), work.quality)
     else:
-        body = image.encode(picture_format(work.request), work.quality)
+        body = image.encode(raster_format(work.request), work.quality)
     depth = image.coded_depth
     if depth is None and image.depth is not None:
         depth = coded(image.depth)

@@ -38,22 +38,22 @@ class FrameSize:
             object.__setattr__(self, name, value)
 
     @classmethod
-    def of(cls, request: RenderRequest, ladder: tuple[Rung, ...]) -> FrameSize:
+    def of_request(cls, request: RenderRequest, ladder: tuple[Rung, ...]) -> FrameSize:
         """The frame's size for a request with a valid profile. Raises InvalidRequest if it is too large."""
         rung = None if request.profile is None else ladder[request.profile]
-        return _sized(request.width, request.height, rung, request.overscan, request.video is not None)
+        return _frame_size(request.width, request.height, rung, request.overscan, request.video is not None)
 
     def camera(self, request: RenderRequest, background: tuple[float, float, float]) -> Camera:
         """The request's view. Margins extend it without changing its centre."""
         lens = request.fx, request.fy, request.cx, request.cy, request.width, request.height
-        intrinsics, enlarged = _lens(self, *lens)
+        intrinsics, enlarged = _intrinsics(self, *lens)
         scale = max(1.0, request.display_scale * enlarged)
         full_detail = request.detail == "full" or request.format == "png"
         return Camera(request.pose, intrinsics, background, scale, (self.margin_x, self.margin_y), full_detail)
 
 
 @lru_cache(maxsize=1024)  # a viewer sends thousands of requests with the same lens, or a few
-def _lens(
+def _intrinsics(
     size: FrameSize, fx: float, fy: float, cx: float, cy: float, width: int, height: int
 ) -> tuple[Intrinsics, float]:
     """A frame's intrinsics, and the scale from its pixels to the viewport's, equal on both axes up to rounding.
@@ -66,7 +66,7 @@ def _lens(
 
 
 @lru_cache(maxsize=1024)  # for the same reason
-def _sized(width: int, height: int, rung: Rung | None, overscan: float, is_video: bool) -> FrameSize:
+def _frame_size(width: int, height: int, rung: Rung | None, overscan: float, is_video: bool) -> FrameSize:
     if rung is not None:
         width, height = rung.size_for(width, height)
     if is_video:  # chroma has half as many pixels on each side

@@ -17,7 +17,7 @@ BUCKETS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.033, 0.05, 0.1, 0.2, 0.5, 1, 2, 5)
 BOUNDS = [*map(str, map(float, BUCKETS)), "+Inf"]
 
 
-class Times:
+class DurationHistogram:
     """A histogram of durations in seconds."""
 
     def __init__(self) -> None:
@@ -47,13 +47,13 @@ class EngineMetrics(Collector):
         self._frames: dict[tuple[str, int | None, Transport], list[int]] = {}
         """Number of frames and their total bytes, by scene, rung and transport."""
         self._scenes = SceneNames()
-        self._queue, self._render, self._encode = Times(), Times(), Times()
+        self._queue, self._render, self._encode = DurationHistogram(), DurationHistogram(), DurationHistogram()
 
-    def count(self, outcome: str) -> None:
+    def count_failure(self, outcome: str) -> None:
         """Count a request that ended without a frame. outcome: the error's type, or `cancelled`."""
         self._requests[outcome] = self._requests.get(outcome, 0) + 1
 
-    def frame(self, scene: str, transport: Transport, frame: Frame) -> None:
+    def count_frame(self, scene: str, transport: Transport, frame: Frame) -> None:
         self._requests["frame"] += 1
         sums = self._frames.get((scene, frame.profile, transport))
         if sums is None:
@@ -86,24 +86,24 @@ class Utilisation:
     """The share of time spent working. Starts out busy; all times are seconds of the same clock."""
 
     def __init__(self, now: float) -> None:
-        self._asked = now
+        self._read_at = now
         self._idle = 0.0
-        """Idle seconds since the last call of `share`."""
+        """Idle seconds since the last call of `read`."""
         self._idle_since: float | None = None
 
-    def rest(self, now: float) -> None:
+    def mark_idle(self, now: float) -> None:
         if self._idle_since is None:
             self._idle_since = now
 
-    def work(self, now: float) -> None:
+    def mark_busy(self, now: float) -> None:
         if self._idle_since is not None:
-            self._idle += now - max(self._idle_since, self._asked)
+            self._idle += now - max(self._idle_since, self._read_at)
             self._idle_since = None
 
-    def share(self, now: float) -> float:
+    def read(self, now: float) -> float:
         """The share of busy time since the last call, 0 to 1."""
         if self._idle_since is not None:
-            self._idle += now - max(self._idle_since, self._asked)
-        passed, idle = now - self._asked, self._idle
-        self._asked, self._idle = now, 0.0
+            self._idle += now - max(self._idle_since, self._read_at)
+        passed, idle = now - self._read_at, self._idle
+        self._read_at, self._idle = now, 0.0
         return 1 - idle / passed if passed > 0 else 0.0

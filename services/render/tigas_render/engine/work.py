@@ -61,13 +61,13 @@ class Work:
     request: RenderRequest
     arrived: float
     """When the request arrived, in seconds of the engine's clock."""
-    use: SceneUse
+    scene_use: SceneUse
     on_answer: OnAnswer | None
     """Callback for the frame or error; None once the request is answered or cancelled."""
     loading: asyncio.Task[None] | None = None
     """The task that waits for the scene to load."""
-    is_second_try: bool = False
-    is_entered: bool = False
+    is_retry: bool = False
+    holds_scene: bool = False
     """Whether the scene is in use for this work; the fields below are set only then."""
     scene: LoadedScene = field(init=False)
     ladder: tuple[Rung, ...] = field(init=False)
