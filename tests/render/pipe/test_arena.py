@@ -9,9 +9,9 @@ import pytest
 from hypothesis import strategies as st
 from hypothesis.stateful import Bundle, RuleBasedStateMachine, consumes, invariant, rule
 
-from tigas_render.pipe.arena import GRAIN, Arena, map_arena
+from tigas_render.pipe.arena import ALIGNMENT, Arena, map_arena
 
-SIZE = 40 * GRAIN
+SIZE = 40 * ALIGNMENT
 
 
 def test_what_the_engine_writes_is_what_the_edge_reads() -> None:
@@ -38,7 +38,7 @@ def test_a_full_arena_says_so_until_something_is_freed() -> None:
         arena.free(0)
         with pytest.raises(KeyError):
             arena.free(0)
-        assert arena.used == 0
+        assert arena.used_bytes == 0
         assert arena.write(bytes(SIZE + 1)) is None
 
 
@@ -53,7 +53,7 @@ class ArenaMachine(RuleBasedStateMachine):
         self.view = map_arena(os.dup(self.arena.fd))
         self.bodies: dict[int, bytes] = {}
 
-    @rule(target=frames, length=st.integers(0, 12 * GRAIN), fill=st.integers(1, 255))
+    @rule(target=frames, length=st.integers(0, 12 * ALIGNMENT), fill=st.integers(1, 255))
     def write(self, length: int, fill: int) -> int | None:
         body = bytes((fill,)) * length
         offset = self.arena.write(body)

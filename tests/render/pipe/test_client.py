@@ -17,9 +17,9 @@ from tigas_common.wire.render import RenderRequest
 from tigas_render.admission.load import Load
 from tigas_render.encode.h264 import EncodingFailed
 from tigas_render.frame import Client, Frame
-from tigas_render.pipe.arena import PASSED, Arena
+from tigas_render.pipe.arena import FD_MESSAGE, Arena
 from tigas_render.pipe.client import PipeClient
-from tigas_render.pipe.link import PREFIX, Kind, framed
+from tigas_render.pipe.link import PREFIX, Kind, encode_message
 from tigas_render.scenes.entry import LoadingEnded
 
 pytestmark = pytest.mark.anyio
@@ -79,11 +79,11 @@ async def test_frames_that_were_on_their_way_when_they_were_withdrawn_leave_no_t
     for request in requests:
         pipe.frames.release(request.seq)
     await eventually(lambda: not pipe.link.running)
-    assert pipe.link.arena.used > 0
+    assert pipe.link.arena.used_bytes > 0
     for cancel in (*cancels, *cancels):
         cancel()
     pipe.edge._link._transport.resume_reading()
-    await eventually(lambda: pipe.link.arena.used == 0 and pipe.frames.forgotten)
+    await eventually(lambda: pipe.link.arena.used_bytes == 0 and pipe.frames.forgotten)
     assert answers == []
     assert pipe.frames.forgotten == [pipe.frames.requests[1][0]]
 
@@ -116,7 +116,7 @@ async def test_a_thousand_requests_at_once_get_each_its_own_answer(
         assert frame.seq == seq
         frame.release()
     await eventually(lambda: set(pipe.frames.cancelled) == withdrawn)
-    await eventually(lambda: pipe.link.arena.used == 0 and not pipe.link.running)
+    await eventually(lambda: pipe.link.arena.used_bytes == 0 and not pipe.link.running)
     assert len({client for client, _ in pipe.frames.requests}) == 217, "sessions stay apart"
     assert caplog.records == []
 
@@ -159,7 +159,7 @@ async def test_an_edge_may_start_before_the_engine(engine: Engine) -> None:
 async def test_edges_hear_how_busy_the_engine_is_and_tell_it_what_they_measure(engine: Engine) -> None:
     edge = Edge(engine.path, 3)
     async with engine.running(), edge.connected() as client:
-        client.tell(state := Load().state)
+        client.send_stats(state := Load().state)
         await eventually(lambda: edge.states and engine.stats)
     age, utilisation = edge.states[0]
     assert age == 0.25
@@ -176,7 +176,7 @@ async def test_a_callback_that_fails_does_not_break_the_pipe(pipe: Pipe, caplog:
     assert "An answer was not delivered" in caplog.text
 
 
-@pytest.mark.parametrize("hostile", [framed(Kind.REQUEST), PREFIX.pack(1, Kind.FRAME) + b"?"])
+@pytest.mark.parametrize("hostile", [encode_message(Kind.REQUEST), PREFIX.pack(1, Kind.FRAME) + b"?"])
 async def test_what_is_no_answer_ends_the_pipe(engine: Engine, hostile: bytes) -> None:
     arena = Arena(64)
     with socket.socket(socket.AF_UNIX) as listener:
@@ -185,7 +185,7 @@ async def test_what_is_no_answer_ends_the_pipe(engine: Engine, hostile: bytes) -
         async with PipeClient(engine.path, 0, lambda *_: None) as client:
             accepted, _ = await asyncio.to_thread(listener.accept)
             with accepted:
-                socket.send_fds(accepted, [PASSED], [arena.fd])
+                socket.send_fds(accepted, [FD_MESSAGE], [arena.fd])
                 await eventually(lambda: client.is_connected)
                 accepted.sendall(hostile)
                 await eventually(lambda: not client.is_connected)
@@ -194,12 +194,12 @@ async def test_what_is_no_answer_ends_the_pipe(engine: Engine, hostile: bytes) -
 
 async def test_whoever_drops_a_frame_without_a_word_takes_no_room_for_ever(pipe: Pipe) -> None:
     kept, dropped = [await pipe.submit() for _ in range(2)]
-    both = pipe.link.arena.used
+    both = pipe.link.arena.used_bytes
     del dropped
     pipe.edge.request(VIEWER, render_request(), 0.0, lambda answer: None)
-    await eventually(lambda: len(pipe.frames.requests) == 3 and pipe.link.arena.used == both / 2)
+    await eventually(lambda: len(pipe.frames.requests) == 3 and pipe.link.arena.used_bytes == both / 2)
     assert kept.body == b"frame"
     kept.release()
     kept.release()
-    await eventually(lambda: pipe.link.arena.used == 0)
+    await eventually(lambda: pipe.link.arena.used_bytes == 0)
     assert await pipe.works()

@@ -28,8 +28,8 @@ from tigas_common.errors import (
 from tigas_common.wire.render import VideoRequest
 from tigas_render.frame import Client
 from tigas_render.pipe import engines as engines_module
-from tigas_render.pipe.engines import GONE_S, Engines, Sharing
-from tigas_render.pipe.remote_engine import WARMING, Pressure
+from tigas_render.pipe.engines import SESSION_EXPIRY_S, EnginePool, SessionAssignment
+from tigas_render.pipe.remote_engine import WARM_UP, Pressure
 from tigas_render.pipe.server import PipeServer, serve_edges
 
 pytestmark = pytest.mark.anyio
@@ -51,7 +51,7 @@ class Device:
     def asked(self) -> Counter[str]:
         """Number of viewers' requests for each scene."""
         return Counter(
-            request.scene for client, request in self.frames.requests if not client.session.endswith(WARMING.session)
+            request.scene for client, request in self.frames.requests if not client.session.endswith(WARM_UP.session)
         )
 
 
@@ -60,7 +60,7 @@ class Host:
     """Two devices, and an edge connected to them."""
 
     devices: list[Device]
-    edge: Engines
+    edge: EnginePool
     heard: list[tuple[float, float]]
 
     async def ask(
@@ -97,9 +97,9 @@ async def host(tmp_path: Path) -> AsyncIterator[Host]:
                 )
             )
         sockets = {device.path.name: device.path for device in devices}
-        edge = Engines(sockets, 0, lambda *state: heard.append(state), time.monotonic)
+        edge = EnginePool(sockets, 0, lambda *state: heard.append(state), time.monotonic)
         await stack.enter_async_context(edge)
-        await eventually(lambda: len(edge.up()) == 2)
+        await eventually(lambda: len(edge.connected()) == 2)
         yield Host(devices, edge, heard)
 
 
@@ -148,7 +148,7 @@ async def test_a_scene_that_is_too_much_for_one_is_loaded_by_another_and_shared_
         while not other.frames.requests:
             await host.all_ask()
     await host.all_ask()
-    assert [client.session.partition(" ")[2] for client, _ in other.frames.requests] == [WARMING.session]
+    assert [client.session.partition(" ")[2] for client, _ in other.frames.requests] == [WARM_UP.session]
     other.frames.held = False
     other.frames.release(0)
     async with asyncio.timeout(20):
@@ -223,7 +223,7 @@ async def test_an_engine_that_says_nothing_any_more_is_given_up(host: Host, monk
     assert silent.server is not None
     for edge in silent.server.edges:
         monkeypatch.setattr(edge, "send", lambda message: None)
-    await asyncio.wait_for(host.ask(), engines_module.SILENT_S + 20)
+    await asyncio.wait_for(host.ask(), engines_module.SILENCE_TIMEOUT_S + 20)
     assert other.asked()["courtyard"] == 1
 
 
@@ -231,7 +231,7 @@ async def test_without_any_engine_viewers_hear_when_to_come_back(host: Host) -> 
     for device in host.devices:
         assert device.server is not None
         device.server.close()
-    await eventually(lambda: not host.edge.up())
+    await eventually(lambda: not host.edge.connected())
     with pytest.raises(Overloaded, match="restarting") as caught:
         await host.ask()
     assert caught.value.retry_after_s
@@ -245,8 +245,8 @@ async def test_the_edge_hears_of_the_engine_that_has_the_least_to_do(host: Host)
     assert host.heard[-1] == (0.25, 0.875)
 
 
-def share(sharing: Sharing, sessions: Sequence[int], engines: str, now: float = 0.0) -> dict[int, str]:
-    return {session: sharing.choose(session, tuple(engines), now) for session in sessions}
+def share(assignment: SessionAssignment, sessions: Sequence[int], engines: str, now: float = 0.0) -> dict[int, str]:
+    return {session: assignment.choose(session, tuple(engines), now) for session in sessions}
 
 
 @pytest.mark.parametrize(
@@ -257,20 +257,20 @@ def share(sharing: Sharing, sessions: Sequence[int], engines: str, now: float = 
 def test_engines_have_as_many_sessions_each_and_no_more_sessions_move_than_have_to(
     sessions: int, before: str, after: str, shares: list[int], moved: int
 ) -> None:
-    sharing = Sharing()
-    first = share(sharing, range(sessions), before)
-    then = share(sharing, range(sessions), after)
+    assignment = SessionAssignment()
+    first = share(assignment, range(sessions), before)
+    then = share(assignment, range(sessions), after)
     assert sorted(Counter(then.values()).values()) == shares
     assert sum(first[session] != then[session] for session in range(sessions)) == moved
-    assert share(sharing, range(sessions), after) == then
+    assert share(assignment, range(sessions), after) == then
 
 
 def test_sessions_that_ask_no_more_do_not_count() -> None:
-    sharing = Sharing()
-    share(sharing, range(10), "ab")
-    assert sharing.forget(GONE_S / 2)
-    assert not sharing.forget(GONE_S)
-    assert Counter(share(sharing, range(10, 14), "ab", GONE_S).values()) == {"a": 2, "b": 2}
+    assignment = SessionAssignment()
+    share(assignment, range(10), "ab")
+    assert assignment.expire(SESSION_EXPIRY_S / 2)
+    assert not assignment.expire(SESSION_EXPIRY_S)
+    assert Counter(share(assignment, range(10, 14), "ab", SESSION_EXPIRY_S).values()) == {"a": 2, "b": 2}
 
 
 @pytest.mark.parametrize(
@@ -287,13 +287,13 @@ def test_whether_an_engine_is_pressed_after(reports: list[tuple[int, float, floa
     pressure = Pressure()
     for times, age_s, utilisation, pressed in reports:
         for _ in range(times):
-            pressure.heard(age_s, utilisation)
-        assert pressure.pressed == pressed
+            pressure.update(age_s, utilisation)
+        assert pressure.is_high == pressed
 
 
 def test_an_engine_says_when_it_may_soon_be_pressed_and_when_it_could_do_as_much_again() -> None:
     pressure = Pressure()
     for utilisation, is_near, at_ease in ((0.3, False, True), (0.5, False, False), (0.7, True, False)):
         for _ in range(50):
-            pressure.heard(0.0, utilisation)
-        assert (pressure.is_near, pressure.at_ease) == (is_near, at_ease)
+            pressure.update(0.0, utilisation)
+        assert (pressure.is_rising, pressure.is_low) == (is_near, at_ease)

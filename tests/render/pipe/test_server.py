@@ -23,7 +23,7 @@ from tests.render.transport.client import FakeFrames
 from tigas_common.errors import Overloaded
 from tigas_render.pipe import link
 from tigas_render.pipe import server as server_module
-from tigas_render.pipe.link import PREFIX, Kind, framed
+from tigas_render.pipe.link import PREFIX, Kind, encode_message
 from tigas_render.pipe.messages import pack_request
 from tigas_render.pipe.server import serve_edges
 
@@ -48,7 +48,7 @@ async def test_an_edge_that_is_killed_frees_its_arena_and_its_work(pipe: Pipe) -
     try:
         await eventually(lambda: len(pipe.frames.requests) == 2)
         (crashed,) = (each for each in pipe.server.edges if each.running)
-        await eventually(lambda: crashed.arena.used > 0)
+        await eventually(lambda: crashed.arena.used_bytes > 0)
     finally:
         crashing.send_signal(signal.SIGKILL)
         await crashing.wait()
@@ -103,7 +103,9 @@ async def test_what_waits_in_the_pipe_counts_in_the_queues_age(engine: Engine) -
         writer.close()
 
 
-@pytest.mark.parametrize("hostile", [framed(Kind.FRAME), framed(Kind.RELEASE, 64), PREFIX.pack(1, Kind.REQUEST) + b"?"])
+@pytest.mark.parametrize(
+    "hostile", [encode_message(Kind.FRAME), encode_message(Kind.RELEASE, 64), PREFIX.pack(1, Kind.REQUEST) + b"?"]
+)
 async def test_what_is_no_request_ends_that_pipe(pipe: Pipe, hostile: bytes, caplog: pytest.LogCaptureFixture) -> None:
     pipe.frames.held = True
     reader, writer = await asyncio.open_unix_connection(pipe.engine.path)
@@ -118,7 +120,7 @@ async def test_what_is_no_request_ends_that_pipe(pipe: Pipe, hostile: bytes, cap
 async def test_an_edge_that_never_reads_is_given_up(
     pipe: Pipe, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(link, "MOST_UNSENT", 100_000)
+    monkeypatch.setattr(link, "MAX_UNSENT", 100_000)
     pipe.frames.error = Overloaded("." * 3_000_000)
     with socket.socket(socket.AF_UNIX) as deaf:
         deaf.connect(str(pipe.engine.path))
@@ -155,7 +157,7 @@ async def test_edges_are_connected_again_after_file_descriptors_ran_out(
 async def test_an_edge_that_cannot_be_connected_leaves_no_descriptor(
     pipe: Pipe, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(server_module, "ACCEPT_AGAIN_S", 0.001)
+    monkeypatch.setattr(server_module, "ACCEPT_RETRY_S", 0.001)
     gc.collect()
     before = _descriptors()
     for count in range(1, 6):

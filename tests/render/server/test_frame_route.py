@@ -86,7 +86,7 @@ async def test_a_slow_reader_gets_the_whole_frame_and_holds_no_memory_that_all_f
             async def late(message: Message) -> None:
                 if message["type"] == "http.response.body":
                     (link,) = pipes.edges
-                    await eventually(lambda: not link.arena.used)  # the edge tells of it with its next message
+                    await eventually(lambda: not link.arena.used_bytes)  # the edge tells of it with its next message
                 await send(message)
 
             await frames(scope, receive, late)

@@ -15,7 +15,7 @@ from tests.eventually import eventually
 from tests.visitor import Visitor
 from tigas_common.origins import OriginPolicy
 from tigas_common.wire.render import SceneInfo, Training
-from tigas_render.pipe.engines import Engines
+from tigas_render.pipe.engines import EnginePool
 from tigas_render.workers import aggregate
 from tigas_render.workers.aggregate import MOST_CHANGES_PER_ADDRESS, MOST_PER_ADDRESS, Aggregate, EngineProxy
 
@@ -158,7 +158,7 @@ async def test_one_address_does_not_take_all_requests_and_one_that_leaves_frees_
 @pytest.mark.anyio
 async def test_a_change_reaches_all_engines_although_its_client_has_left(tmp_path: Path) -> None:
     one, other = engines = [FakeEngine(tmp_path / name) for name in ("one", "other")]
-    frames = Engines({engine.path.name: engine.path for engine in engines}, 0, lambda *_: None, lambda: 0.0)
+    frames = EnginePool({engine.path.name: engine.path for engine in engines}, 0, lambda *_: None, lambda: 0.0)
     other.may_answer.set()
     async with one.serving() as first, other.serving() as second:
         app = Aggregate(frames, {"one": first, "other": second}, OriginPolicy())
@@ -173,7 +173,7 @@ async def test_a_change_reaches_all_engines_although_its_client_has_left(tmp_pat
 @pytest.mark.anyio
 async def test_changes_whose_clients_have_left_do_not_take_all_connections(tmp_path: Path) -> None:
     engine = FakeEngine(tmp_path / "one")
-    frames = Engines({"one": engine.path}, 0, lambda *_: None, lambda: 0.0)
+    frames = EnginePool({"one": engine.path}, 0, lambda *_: None, lambda: 0.0)
     async with engine.serving() as proxy:
         app = Aggregate(frames, {"one": proxy}, OriginPolicy())
         for _ in range(3):

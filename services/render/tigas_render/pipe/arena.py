@@ -11,9 +11,9 @@ import mmap
 import os
 from bisect import bisect_left
 
-GRAIN = 64
+ALIGNMENT = 64
 """Allocation granularity in bytes, the size of a cache line."""
-PASSED = b"\0"
+FD_MESSAGE = b"\0"
 """Data to send along with an arena's file descriptor, which cannot be sent alone."""
 
 
@@ -32,7 +32,7 @@ class Arena:
             raise
         self._free = [(0, size)]
         """Offsets and lengths of free space, in order, with neighbours merged."""
-        self._taken: dict[int, int] = {}
+        self._allocated: dict[int, int] = {}
         """Lengths of used space by offset."""
 
     @property
@@ -41,26 +41,26 @@ class Arena:
         return self._fd
 
     @property
-    def used(self) -> int:
+    def used_bytes(self) -> int:
         """Number of bytes in use."""
-        return sum(self._taken.values())
+        return sum(self._allocated.values())
 
     def write(self, body: bytes | memoryview) -> int | None:
         """Copy a frame to free space. Returns its offset, or None if there is not enough space."""
-        length = max(GRAIN, -(-len(body) // GRAIN) * GRAIN)
+        length = max(ALIGNMENT, -(-len(body) // ALIGNMENT) * ALIGNMENT)
         position = next((position for position, (_, room) in enumerate(self._free) if room >= length), None)
         if position is None:
             return None
         offset, room = self._free.pop(position)
         if room > length:
             self._free.insert(position, (offset + length, room - length))
-        self._taken[offset] = length
+        self._allocated[offset] = length
         self._memory[offset : offset + len(body)] = body
         return offset
 
     def free(self, offset: int) -> None:
         """Free a frame's space. Raises KeyError if there is no frame at the offset."""
-        length = self._taken.pop(offset)
+        length = self._allocated.pop(offset)
         position = bisect_left(self._free, (offset, length))
         if position < len(self._free) and self._free[position][0] == offset + length:
             length += self._free.pop(position)[1]

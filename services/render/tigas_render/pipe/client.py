@@ -15,20 +15,20 @@ from tigas_common.errors import Overloaded, TigasError
 from tigas_common.wire.render import RenderRequest
 from tigas_render.admission.load import LoadState
 from tigas_render.frame import Cancel, Client, Frame, FrameSource, OnAnswer
-from tigas_render.pipe.arena import PASSED, map_arena
-from tigas_render.pipe.link import Kind, Link, framed
+from tigas_render.pipe.arena import FD_MESSAGE, map_arena
+from tigas_render.pipe.link import Kind, Link, encode_message
 from tigas_render.pipe.messages import pack_request, unpack_frame
 
 logger = logging.getLogger(__name__)
 
 RETRY_AFTER_S: Final = 1.0
-CONNECT_AGAIN_S: Final = 0.1
+RECONNECT_S: Final = 0.1
 
 OnState = Callable[[float, float], None]
 """Called with the age of the engine's queue in seconds, and its utilisation, 0 to 1."""
 
 
-class EngineGone(Overloaded):
+class EngineUnavailable(Overloaded):
     """The engine is not available, or is down."""
 
     def __init__(self) -> None:
@@ -53,44 +53,44 @@ class PipeClient(FrameSource):
         """Time of the last connection, on the monotonic clock."""
 
     async def __aenter__(self) -> Self:
-        self._keeping = asyncio.create_task(self._keep())
+        self._connection_task = asyncio.create_task(self._stay_connected())
         return self
 
     async def __aexit__(self, *_: object) -> None:
-        self._keeping.cancel()
-        await asyncio.gather(self._keeping, return_exceptions=True)
+        self._connection_task.cancel()
+        await asyncio.gather(self._connection_task, return_exceptions=True)
 
     @property
     def is_connected(self) -> bool:
         """Whether the engine is connected now."""
-        return self._link is not None and not self._link.lost.done()
+        return self._link is not None and not self._link.closed.done()
 
     @property
-    def lost(self) -> asyncio.Future[None]:
+    def closed(self) -> asyncio.Future[None]:
         """Done once the connected engine is down. Available only after a connection."""
         assert self._link is not None
-        return self._link.lost
+        return self._link.closed
 
-    def give_up(self, reason: str) -> None:
+    def disconnect(self, reason: str) -> None:
         """Drop the connected engine. Pending requests are answered with an error, and a new connection is made."""
         if self._link is not None:
             self._link.abort(reason)
 
     def request(self, client: Client, request: RenderRequest, arrived: float, on_answer: OnAnswer) -> Cancel:
-        if self._link is None or self._link.lost.done():
-            return no_engine(on_answer)
+        if self._link is None or self._link.closed.done():
+            return answer_unavailable(on_answer)
         return self._link.request(client, request, arrived, on_answer)
 
     def forget(self, client: Client) -> None:
         if self._link is not None:
             self._link.forget(client)
 
-    def tell(self, state: LoadState) -> None:
+    def send_stats(self, state: LoadState) -> None:
         """Send this edge's measurements to the engine. They are dropped while it is down."""
         if self._link is not None:
-            self._link.send(framed(Kind.STATS, self._edge, state))
+            self._link.send(encode_message(Kind.STATS, self._edge, state))
 
-    async def _keep(self) -> None:
+    async def _stay_connected(self) -> None:
         while True:
             try:
                 link = await self._connect()
@@ -100,12 +100,12 @@ class PipeClient(FrameSource):
                 self._link = link
                 self.connections, self.connected_at = self.connections + 1, time.monotonic()
                 try:
-                    await link.lost
+                    await link.closed
                     logger.warning("The pipe to the engine was closed: %s", link.reason or "the engine is down.")
                 finally:
                     self._link = None
                     link.abort("The edge is stopping.")
-            await asyncio.sleep(CONNECT_AGAIN_S)
+            await asyncio.sleep(RECONNECT_S)
 
     async def _connect(self) -> EngineLink:
         loop = asyncio.get_running_loop()
@@ -131,16 +131,16 @@ class EngineLink(Link):
         self._waiting: dict[int, OnAnswer] = {}
         """Pending requests by the edge's request number."""
         self._next = 0
-        self.lost: asyncio.Future[None] = self._loop.create_future()
+        self.closed: asyncio.Future[None] = self._loop.create_future()
         """Done once the pipe is closed."""
 
     def connection_lost(self, exc: Exception | None) -> None:
-        if not self.lost.done():
-            self.lost.set_result(None)
+        if not self.closed.done():
+            self.closed.set_result(None)
         self._arena = memoryview(b"")  # the memory is released with the last frame in it
         waiting, self._waiting = self._waiting, {}
         for on_answer in waiting.values():
-            _call(on_answer, EngineGone())
+            _deliver(on_answer, EngineUnavailable())
 
     def request(self, client: Client, request: RenderRequest, arrived: float, on_answer: OnAnswer) -> Cancel:
         id = self._next
@@ -150,9 +150,9 @@ class EngineLink(Link):
         return partial(self._cancel, id, tuple(client) if request.video is not None else None)
 
     def forget(self, client: Client) -> None:
-        self.send(framed(Kind.FORGET, tuple(client)))
+        self.send(encode_message(Kind.FORGET, tuple(client)))
 
-    def received(self, kind: int, values: tuple[Any, ...]) -> None:
+    def handle_message(self, kind: int, values: tuple[Any, ...]) -> None:
         match kind:
             case Kind.FRAME:
                 self._frame(*values)
@@ -168,31 +168,31 @@ class EngineLink(Link):
         if (on_answer := self._waiting.pop(id, None)) is None:  # withdrawn while the frame was on its way
             frame.release()
         else:
-            _call(on_answer, frame)
+            _deliver(on_answer, frame)
 
     def _failure(self, id: int, kind: type[TigasError], detail: str, retry_after_s: float | None) -> None:
         if (on_answer := self._waiting.pop(id, None)) is not None:
-            _call(on_answer, kind(detail, retry_after_s))
+            _deliver(on_answer, kind(detail, retry_after_s))
 
     def _release(self, offset: int) -> None:
-        self.send_with_next(framed(Kind.RELEASE, offset))
+        self.send_lazily(encode_message(Kind.RELEASE, offset))
 
     def _cancel(self, id: int, video_of: tuple[str, ...] | None) -> None:
         """video_of: the client, if the frame belongs to a video."""
         if self._waiting.pop(id, None) is not None:
-            self.send(framed(Kind.CANCEL, id, video_of))
+            self.send(encode_message(Kind.CANCEL, id, video_of))
 
 
-def _call(on_answer: OnAnswer, answer: Frame | Exception) -> None:
+def _deliver(on_answer: OnAnswer, answer: Frame | Exception) -> None:
     try:
         on_answer(answer)
     except Exception:  # all viewers share the pipe
         logger.exception("An answer was not delivered")
 
 
-def no_engine(on_answer: OnAnswer) -> Cancel:
+def answer_unavailable(on_answer: OnAnswer) -> Cancel:
     """Answer a request with an error because it cannot reach an engine."""
-    return asyncio.get_running_loop().call_soon(on_answer, EngineGone()).cancel
+    return asyncio.get_running_loop().call_soon(on_answer, EngineUnavailable()).cancel
 
 
 async def _receive_arena(sock: socket.socket) -> memoryview:
@@ -204,7 +204,7 @@ async def _receive_arena(sock: socket.socket) -> memoryview:
         await readable
     finally:
         loop.remove_reader(sock)
-    _, fds, _, _ = socket.recv_fds(sock, len(PASSED), 1)
+    _, fds, _, _ = socket.recv_fds(sock, len(FD_MESSAGE), 1)
     if not fds:
         raise ConnectionError("The engine did not send an arena.")
     return map_arena(fds[0])

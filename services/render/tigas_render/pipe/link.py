@@ -18,7 +18,7 @@ from typing import Any, Final, cast
 logger = logging.getLogger(__name__)
 
 PREFIX: Final = struct.Struct("<IB")
-MOST_UNSENT: Final = 8 * 1024 * 1024
+MAX_UNSENT: Final = 8 * 1024 * 1024
 """Maximum number of bytes that wait for an end that does not read, before the pipe is closed."""
 DELAY_S: Final = 0.01
 """Maximum time in seconds for which a message waits to be sent with a more urgent one."""
@@ -39,46 +39,46 @@ class Kind(IntEnum):
     STATE = 18
 
 
-def framed(kind: Kind, *values: Any) -> bytes:
+def encode_message(kind: Kind, *values: Any) -> bytes:
     content = pickle.dumps(values, pickle.HIGHEST_PROTOCOL)
     return PREFIX.pack(len(content), kind) + content
 
 
-class Splitter:
+class MessageDecoder:
     """Splits the bytes of a stream into messages."""
 
     def __init__(self) -> None:
-        self._rest = bytearray()
-        self._wanted = 0
-        """Length of `_rest` at which a message may be complete, so that a large one is assembled only once."""
+        self._buffer = bytearray()
+        self._wanted_length = 0
+        """Length of `_buffer` at which a message may be complete, so that a large one is assembled only once."""
 
     def feed(self, data: bytes) -> Iterator[tuple[int, tuple[Any, ...]]]:
         """Add data, and yield the kind and values of each complete message."""
-        if self._rest:
-            self._rest += data
-            if len(self._rest) < self._wanted:
+        if self._buffer:
+            self._buffer += data
+            if len(self._buffer) < self._wanted_length:
                 return
-            data, self._rest = bytes(self._rest), bytearray()
-        at, end, self._wanted = 0, len(data), 0
+            data, self._buffer = bytes(self._buffer), bytearray()
+        at, end, self._wanted_length = 0, len(data), 0
         while end - at >= PREFIX.size:
             length, kind = PREFIX.unpack_from(data, at)
             begin = at + PREFIX.size
             if end - begin < length:
-                self._wanted = PREFIX.size + length
+                self._wanted_length = PREFIX.size + length
                 break
             at = begin + length
             yield kind, pickle.loads(data[begin:at])
-        self._rest += data[at:]
+        self._buffer += data[at:]
 
 
 class Link(asyncio.Protocol, ABC):
     """One end of a pipe. Subclasses handle messages; `connection_lost` is called once, even if a process crashes."""
 
     def __init__(self) -> None:
-        self._splitter = Splitter()
+        self._decoder = MessageDecoder()
         self._outgoing: list[bytes] = []
         self._outgoing_bytes = 0
-        self._is_leaving = self._is_delayed = False
+        self._is_flush_scheduled = self._is_flush_delayed = False
         """Whether outgoing messages are about to be written, and whether they will be after a delay."""
         self._loop = asyncio.get_running_loop()
         self._transport: asyncio.Transport | None = None
@@ -89,22 +89,22 @@ class Link(asyncio.Protocol, ABC):
         self._transport = cast(asyncio.Transport, transport)
 
     @abstractmethod
-    def received(self, kind: int, values: tuple[Any, ...]) -> None:
+    def handle_message(self, kind: int, values: tuple[Any, ...]) -> None:
         """Handle a message. An exception closes the pipe."""
 
     def send(self, message: bytes) -> None:
         """Send a message together with all others of this event loop iteration. Dropped if the pipe is closed."""
-        if self._add(message) and not self._is_leaving:
-            self._is_leaving = True
+        if self._enqueue(message) and not self._is_flush_scheduled:
+            self._is_flush_scheduled = True
             self._loop.call_soon(self._flush)
 
-    def send_with_next(self, message: bytes) -> None:
+    def send_lazily(self, message: bytes) -> None:
         """Send a message with the next urgent one, or after DELAY_S, because each write wakes the other end."""
-        if self._add(message) and not (self._is_leaving or self._is_delayed):
-            self._is_delayed = True
+        if self._enqueue(message) and not (self._is_flush_scheduled or self._is_flush_delayed):
+            self._is_flush_delayed = True
             self._loop.call_later(DELAY_S, self._flush_delayed)
 
-    def _add(self, message: bytes) -> bool:
+    def _enqueue(self, message: bytes) -> bool:
         if self._transport is not None and self._transport.is_closing():
             return False
         self._outgoing.append(message)
@@ -112,14 +112,14 @@ class Link(asyncio.Protocol, ABC):
         return True
 
     @property
-    def unsent(self) -> int:
+    def unsent_bytes(self) -> int:
         """Number of bytes that the other end has not read yet."""
         return self._outgoing_bytes + (0 if self._transport is None else self._transport.get_write_buffer_size())
 
     def data_received(self, data: bytes) -> None:
         try:
-            for kind, values in self._splitter.feed(data):
-                self.received(kind, values)
+            for kind, values in self._decoder.feed(data):
+                self.handle_message(kind, values)
         except Exception:  # later messages may refer to this one
             logger.exception("A message was not understood")
             self.abort("A message was not understood.")
@@ -130,15 +130,15 @@ class Link(asyncio.Protocol, ABC):
             self._transport.abort()
 
     def _flush_delayed(self) -> None:
-        self._is_delayed = False
-        if not self._is_leaving:
+        self._is_flush_delayed = False
+        if not self._is_flush_scheduled:
             self._flush()
 
     def _flush(self) -> None:
-        self._is_leaving = False
+        self._is_flush_scheduled = False
         messages, self._outgoing, self._outgoing_bytes = self._outgoing, [], 0
         if not messages or self._transport is None or self._transport.is_closing():
             return
         self._transport.write(b"".join(messages))
-        if self.unsent > MOST_UNSENT:
+        if self.unsent_bytes > MAX_UNSENT:
             self.abort("The other end does not read.")

@@ -8,7 +8,7 @@ from typing import Any, Final
 from tigas_common.errors import TigasError, problem
 from tigas_common.wire.render import RenderRequest, ServerTiming
 from tigas_render.frame import Client, Frame
-from tigas_render.pipe.link import Kind, framed
+from tigas_render.pipe.link import Kind, encode_message
 
 _REQUEST: Final = tuple(RenderRequest.model_fields)
 _TIMING: Final = tuple(ServerTiming.model_fields)
@@ -16,7 +16,7 @@ _TIMING: Final = tuple(ServerTiming.model_fields)
 
 def pack_request(id: int, client: Client, arrived: float, sent: float, request: RenderRequest) -> bytes:
     """Pack a request. id: the edge's. arrived, sent: times on the monotonic clock, which all processes share."""
-    return framed(Kind.REQUEST, id, tuple(client), arrived, sent, tuple(vars(request).values()))
+    return encode_message(Kind.REQUEST, id, tuple(client), arrived, sent, tuple(vars(request).values()))
 
 
 def unpack_request(values: tuple[Any, ...]) -> RenderRequest:
@@ -26,7 +26,7 @@ def unpack_request(values: tuple[Any, ...]) -> RenderRequest:
 
 def pack_frame(id: int, frame: Frame, offset: int) -> bytes:
     """Pack a frame that has its body at `offset` in the arena."""
-    return framed(
+    return encode_message(
         Kind.FRAME, id, offset, len(frame.body), frame.format, frame.width, frame.height, frame.seq, frame.profile,
         tuple(vars(frame.timing).values()), frame.margin_x, frame.margin_y, frame.video, frame.coarse,
     )  # fmt: skip
@@ -46,4 +46,4 @@ def pack_failure(id: int, error: Exception) -> bytes:
     """
     known = error if isinstance(error, TigasError) else TigasError(problem(error).detail)
     kind = next(each for each in type(known).__mro__ if each.__module__ == TigasError.__module__)
-    return framed(Kind.FAILURE, id, kind, known.detail, known.retry_after_s)
+    return encode_message(Kind.FAILURE, id, kind, known.detail, known.retry_after_s)

@@ -17,16 +17,16 @@ BUSY_FROM, BUSY_UNTIL = 0.85, 0.65
 """Utilisation above which an engine is under pressure, and below which it is not any more."""
 LATE_FROM, LATE_UNTIL = 0.06, 0.03
 """Wait of a client for its turn, in seconds, above which an engine is under pressure, and below which it is not."""
-NEAR_FROM: Final = 0.6
+RISING_FROM: Final = 0.6
 """Utilisation above which an engine may soon be under pressure."""
-EASY_UNTIL: Final = 0.4
+LOW_UNTIL: Final = 0.4
 """Utilisation below which an engine could do twice as much."""
 
 REFUSED_S: Final = 30.0
 """Seconds for which an engine without room for a scene is not asked for it again if another can be."""
 WARM_S: Final = 60.0
 """Seconds after a scene's frame for which an engine counts as having the scene loaded."""
-WARMING: Final = Client("engines", "warming")
+WARM_UP: Final = Client("engines", "warming")
 """Client of the frames that serve only to load a scene."""
 
 REFUSALS: Final = (BrokenScene, NoRoom, OutOfDeviceMemory)
@@ -37,27 +37,27 @@ class Pressure:
     """Whether an engine has as much work as it can handle."""
 
     def __init__(self) -> None:
-        self.pressed = False
+        self.is_high = False
         self._utilisation = self._age_s = 0.0
 
     @property
-    def is_near(self) -> bool:
+    def is_rising(self) -> bool:
         """Whether the engine is, or may soon be, under pressure."""
-        return self.pressed or self._utilisation >= NEAR_FROM
+        return self.is_high or self._utilisation >= RISING_FROM
 
     @property
-    def at_ease(self) -> bool:
+    def is_low(self) -> bool:
         """Whether the engine could do twice as much."""
-        return not self.pressed and self._utilisation < EASY_UNTIL
+        return not self.is_high and self._utilisation < LOW_UNTIL
 
-    def heard(self, age_s: float, utilisation: float) -> None:
+    def update(self, age_s: float, utilisation: float) -> None:
         """Record the age of the engine's queue in seconds, and its utilisation, 0 to 1. Called ten times per second."""
         self._age_s += SMOOTHING * (age_s - self._age_s)
         self._utilisation += SMOOTHING * (utilisation - self._utilisation)
         if self._utilisation >= BUSY_FROM or self._age_s >= LATE_FROM:
-            self.pressed = True
+            self.is_high = True
         elif self._utilisation < BUSY_UNTIL and self._age_s < LATE_UNTIL:
-            self.pressed = False
+            self.is_high = False
 
 
 class RemoteEngine:
@@ -69,30 +69,30 @@ class RemoteEngine:
         self.candidate = Candidate(name)
         self.pressure = Pressure()
         self.age_s = self.utilisation = 0.0
-        self.heard_at = 0.0
+        self.updated_at = 0.0
         self._clock = clock
-        self._warm: dict[str, float] = {}
+        self._frame_at: dict[str, float] = {}
         """Time of the last frame of each scene."""
         self._warming: set[str] = set()
-        self._refused: dict[str, float] = {}
+        self._refused_until: dict[str, float] = {}
         """Time until which the engine is not asked for a scene again, by scene."""
         self._connection = 0
-        """Number of the connection to which `_warm` applies."""
+        """Number of the connection to which `_frame_at` applies."""
 
-    def heard(self, age_s: float, utilisation: float) -> None:
+    def update_load(self, age_s: float, utilisation: float) -> None:
         """Record a report of the engine's load: the age of its queue in seconds, and its utilisation, 0 to 1."""
-        self.heard_at = self._clock()
+        self.updated_at = self._clock()
         self.age_s, self.utilisation = age_s, utilisation
-        self.pressure.heard(age_s, utilisation)
-        self.candidate = Candidate(self.name, self.pressure.pressed, self.pressure.at_ease)
+        self.pressure.update(age_s, utilisation)
+        self.candidate = Candidate(self.name, self.pressure.is_high, self.pressure.is_low)
 
-    def refuses(self, scene: str) -> bool:
+    def has_refused(self, scene: str) -> bool:
         """Whether the engine has recently been unable to load the scene."""
-        return bool(self._refused) and self._refused.get(scene, 0.0) > self._clock()
+        return bool(self._refused_until) and self._refused_until.get(scene, 0.0) > self._clock()
 
     def is_warm(self, scene: str) -> bool:
         """Whether the engine has the scene loaded, as far as known."""
-        at = self._warm.get(scene)
+        at = self._frame_at.get(scene)
         return at is not None and self._connection == self.pipe.connections and self._clock() - at < WARM_S
 
     def warm_up(self, request: RenderRequest) -> None:
@@ -104,24 +104,24 @@ class RemoteEngine:
 
         def on_answer(answer: Frame | Exception) -> None:
             self._warming.discard(scene)
-            self.note(scene, answer)
+            self.record_answer(scene, answer)
             if isinstance(answer, Frame):
                 answer.release()
 
         patient = request.model_copy(update={"deadline_ms": None, "format": "jpeg", "video": None, "coarse": False})
-        self.pipe.request(WARMING, patient, self._clock(), on_answer)
+        self.pipe.request(WARM_UP, patient, self._clock(), on_answer)
 
-    def note(self, scene: str, answer: Frame | Exception) -> None:
+    def record_answer(self, scene: str, answer: Frame | Exception) -> None:
         """Record the information in an answer about the engine and the scene."""
         if isinstance(answer, Frame):
             if answer.coarse:
                 return
             if self._connection != self.pipe.connections:
-                self._warm.clear()
+                self._frame_at.clear()
                 self._connection = self.pipe.connections
-            self._warm[scene] = self._clock()
+            self._frame_at[scene] = self._clock()
         elif isinstance(answer, REFUSALS):
-            self._warm.pop(scene, None)
-            self._refused[scene] = self._clock() + REFUSED_S
+            self._frame_at.pop(scene, None)
+            self._refused_until[scene] = self._clock() + REFUSED_S
         elif isinstance(answer, DeviceLost):
-            self.pipe.give_up(answer.detail)
+            self.pipe.disconnect(answer.detail)

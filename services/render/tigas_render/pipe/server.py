@@ -16,28 +16,28 @@ from typing import Any, Final
 from tigas_common.errors import Overloaded, TigasError
 from tigas_render.admission.load import LoadState
 from tigas_render.frame import Cancel, Client, Frame, FrameSource
-from tigas_render.pipe.arena import PASSED, Arena
-from tigas_render.pipe.link import Kind, Link, framed
+from tigas_render.pipe.arena import FD_MESSAGE, Arena
+from tigas_render.pipe.link import Kind, Link, encode_message
 from tigas_render.pipe.messages import pack_failure, pack_frame, unpack_request
 
 logger = logging.getLogger(__name__)
 
 ARENA_BYTES: Final = 256 * 1024 * 1024
 """Size of an edge's arena in bytes; pages are allocated on use."""
-STATE_S: Final = 0.1
+STATE_INTERVAL_S: Final = 0.1
 """Interval of load reports to edges, in seconds."""
-ACCEPT_AGAIN_S: Final = 0.1
+ACCEPT_RETRY_S: Final = 0.1
 """Pause in seconds after a failure to accept an edge, usually because of a lack of file descriptors."""
 
-State = Callable[[], tuple[float, float]]
+GetState = Callable[[], tuple[float, float]]
 """Returns the age of the engine's queue in seconds, and its utilisation since the last call, 0 to 1."""
-Stats = Callable[[int, LoadState], None]
+OnStats = Callable[[int, LoadState], None]
 """Receives the number and the measurements of an edge."""
 
 
 @asynccontextmanager
 async def serve_edges(
-    path: Path, source: FrameSource, state: State, stats: Stats, *, arena_bytes: int = ARENA_BYTES
+    path: Path, source: FrameSource, state: GetState, stats: OnStats, *, arena_bytes: int = ARENA_BYTES
 ) -> AsyncIterator[PipeServer]:
     """Accept edges on a Unix socket, as a context manager.
 
@@ -49,7 +49,7 @@ async def serve_edges(
         server = PipeServer(source, stats, arena_bytes)
         try:
             async with asyncio.TaskGroup() as group:
-                tasks = [group.create_task(server.accept(listener)), group.create_task(server.tell_state(state))]
+                tasks = [group.create_task(server.accept(listener)), group.create_task(server.broadcast_state(state))]
                 try:
                     yield server
                 finally:
@@ -69,7 +69,7 @@ def _bind(listener: socket.socket, path: Path) -> None:
 class PipeServer:
     """All connected edges."""
 
-    def __init__(self, source: FrameSource, stats: Stats, arena_bytes: int) -> None:
+    def __init__(self, source: FrameSource, stats: OnStats, arena_bytes: int) -> None:
         self.source = source
         self.stats = stats
         self.edges: set[EdgeLink] = set()
@@ -86,7 +86,7 @@ class PipeServer:
                 await self._connect(sock)
             except OSError as error:
                 logger.warning("An edge was not connected: %s", error)
-                await asyncio.sleep(ACCEPT_AGAIN_S)
+                await asyncio.sleep(ACCEPT_RETRY_S)
 
     async def _connect(self, sock: socket.socket) -> None:
         self._accepted += 1
@@ -95,22 +95,22 @@ class PipeServer:
             arena = Arena(self._arena_bytes)
             undo.callback(arena.close)
             # the buffer is empty, so this does not block
-            socket.send_fds(sock, [PASSED], [arena.fd])
+            socket.send_fds(sock, [FD_MESSAGE], [arena.fd])
             link = partial(EdgeLink, self, arena, self._accepted)
             await asyncio.get_running_loop().connect_accepted_socket(link, sock)
             undo.pop_all()
 
-    async def tell_state(self, state: State) -> None:
+    async def broadcast_state(self, state: GetState) -> None:
         """Report the engine's load to all edges, ten times per second, until cancelled."""
         processor, wall = time.thread_time(), time.monotonic()
         while True:
-            await asyncio.sleep(STATE_S)
+            await asyncio.sleep(STATE_INTERVAL_S)
             age, utilisation = state()
             age, self.longest_in_pipe_s = max(age, self.longest_in_pipe_s), 0.0
             was_processor, was_wall = processor, wall
             processor, wall = time.thread_time(), time.monotonic()
             of_loop = (processor - was_processor) / (wall - was_wall)
-            message = framed(Kind.STATE, max(0.0, age), min(1.0, max(0.0, utilisation, of_loop)))
+            message = encode_message(Kind.STATE, max(0.0, age), min(1.0, max(0.0, utilisation, of_loop)))
             for edge in self.edges:
                 edge.send(message)
 
@@ -144,10 +144,10 @@ class EdgeLink(Link):
             cancel()
         self.arena.close()
 
-    def received(self, kind: int, values: tuple[Any, ...]) -> None:
+    def handle_message(self, kind: int, values: tuple[Any, ...]) -> None:
         match kind:  # most frequent first
             case Kind.REQUEST:
-                self._request(*values)
+                self._submit(*values)
             case Kind.RELEASE:
                 self.arena.free(*values)
             case Kind.CANCEL:
@@ -164,7 +164,7 @@ class EdgeLink(Link):
         # other edges, or an earlier process of this one, may use the same session name
         return Client(address, f"{self._connection} {session}", transport)
 
-    def _request(self, id: int, sender: tuple[Any, ...], arrived: float, sent: float, values: tuple[Any, ...]) -> None:
+    def _submit(self, id: int, sender: tuple[Any, ...], arrived: float, sent: float, values: tuple[Any, ...]) -> None:
         client = self._client(sender)
         self._server.longest_in_pipe_s = max(self._server.longest_in_pipe_s, time.monotonic() - sent)
         self.running[id] = self._server.source.request(
@@ -182,14 +182,14 @@ class EdgeLink(Link):
     def _on_answer(self, id: int, client: Client, answer: Frame | Exception) -> None:
         del self.running[id]
         if isinstance(answer, Frame):
-            self.send(self._packed(id, client, answer))
+            self.send(self._pack(id, client, answer))
             answer.release()
             return
         if not isinstance(answer, TigasError):
             logger.error("A render request failed", exc_info=answer)
         self.send(pack_failure(id, answer))
 
-    def _packed(self, id: int, client: Client, frame: Frame) -> bytes:
+    def _pack(self, id: int, client: Client, frame: Frame) -> bytes:
         offset = self.arena.write(frame.body)
         if offset is None:
             if frame.video is not None:

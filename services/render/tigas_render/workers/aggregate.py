@@ -24,7 +24,7 @@ from tigas_common.placement import merged_scene, merged_scenes
 from tigas_common.proxy import ask, client_of, hand_back, headers_of, refuse, unless, until_left
 from tigas_common.web import read_body
 from tigas_common.wire.render import HostLoad, SceneInfo, Training
-from tigas_render.pipe.engines import Engines
+from tigas_render.pipe.engines import EnginePool
 from tigas_render.pipe.remote_engine import RemoteEngine
 
 MOST, MOST_PER_ADDRESS = 256, 128
@@ -92,7 +92,7 @@ class EngineProxy(_EnginesApp):
 class Aggregate(_EnginesApp):
     """A proxy for several engines' applications, which returns one engine's answer or merges all answers."""
 
-    def __init__(self, engines: Engines, proxies: Mapping[str, EngineProxy], origins: OriginPolicy) -> None:
+    def __init__(self, engines: EnginePool, proxies: Mapping[str, EngineProxy], origins: OriginPolicy) -> None:
         """proxies: by engine name."""
         super().__init__(origins)
         self._changing = ConcurrencyLimit(MOST_CHANGES, MOST_CHANGES_PER_ADDRESS)
@@ -130,11 +130,11 @@ class Aggregate(_EnginesApp):
 
     def _reachable(self) -> Sequence[RemoteEngine]:
         """Return the engines that are up, or all if none seems to be, because one may just have started."""
-        return self._engines.up() or self._engines.all
+        return self._engines.connected() or self._engines.all
 
     def _own(self, scene: str) -> Sequence[RemoteEngine]:
         """Return the engines that are up, or all, with the scene's own engines first."""
-        return self._engines.serving(scene) or self._engines.all
+        return self._engines.by_preference(scene) or self._engines.all
 
     async def _first(
         self,
@@ -210,7 +210,7 @@ class Aggregate(_EnginesApp):
             return answer
 
         try:
-            return await (unless(engine.pipe.lost, ask()) if engine.pipe.is_connected else ask())
+            return await (unless(engine.pipe.closed, ask()) if engine.pipe.is_connected else ask())
         except (Overloaded, httpx.TransportError):
             return None
 

@@ -18,7 +18,7 @@ from tigas_common.resources import keep_together
 from tigas_render.admission.load import Load, LoadState
 from tigas_render.admission.viewers import ViewerAdmission
 from tigas_render.pipe.client import PipeClient
-from tigas_render.pipe.engines import Engines
+from tigas_render.pipe.engines import EnginePool
 from tigas_render.server.frame_route import PATH, HttpFrames, frames_app
 from tigas_render.server.public_servers import public_servers
 from tigas_render.transport.certificate import Certificate
@@ -70,7 +70,7 @@ async def edge(channel: Channel, start: Start, news: AsyncIterator[Message]) -> 
             stack.push_async_callback(proxy.close)
         posted = OriginCheck(frames_app(HttpFrames(frames, admission.http_viewers, admission.rate)), origins)
         rest: ASGIApp = proxies[0]
-        if isinstance(frames, Engines):
+        if isinstance(frames, EnginePool):
             rest = Aggregate(frames, dict(zip(start.devices, proxies, strict=True)), origins)
         renew = await stack.enter_async_context(
             public_servers(
@@ -91,20 +91,20 @@ async def edge(channel: Channel, start: Start, news: AsyncIterator[Message]) -> 
         await until_stopped_or_alone(news, on_message)
 
 
-def _frames(start: EdgeStart, load: Load) -> PipeClient | Engines:
+def _frames(start: EdgeStart, load: Load) -> PipeClient | EnginePool:
     if len(start.devices) == 1:
         return PipeClient(frames_socket(start.directory, 0), start.number, load.record_engine)
     sockets = {device: frames_socket(start.directory, number) for number, device in enumerate(start.devices)}
-    return Engines(sockets, start.number, load.record_engine, time.monotonic)
+    return EnginePool(sockets, start.number, load.record_engine, time.monotonic)
 
 
-def _every(ticks: int, engines: PipeClient | Engines) -> Callable[[LoadState], None]:
+def _every(ticks: int, engines: PipeClient | EnginePool) -> Callable[[LoadState], None]:
     """Return a callback that reports every `ticks`-th load state to the engines, which publish it."""
     measurements = itertools.count()
 
     def report(state: LoadState) -> None:
         if next(measurements) % ticks == 0:
-            engines.tell(state)
+            engines.send_stats(state)
 
     return report
 
