@@ -62,5 +62,5 @@ async def served(tmp_path: Path) -> AsyncIterator[Served]:
     ):
         server = await http3.enter_async_context(Http3Server(app, host="127.0.0.1", certificate=CERTIFICATE))
         service.quic_port = server.port
-        service.show(CERTIFICATE)
+        service.set_certificate(CERTIFICATE)
         yield Served(f"http://127.0.0.1:{port}", service, http3)

@@ -57,7 +57,7 @@ async def test_frames_come_over_http3_and_are_the_same_over_http1(served: Served
 
 
 async def test_a_server_with_another_certificate_is_asked_nothing(served: Served) -> None:
-    served.service.show(Certificate.create([], datetime.now(UTC)))
+    served.service.set_certificate(Certificate.create([], datetime.now(UTC)))
     async with tigas.AsyncClient(served.url) as client:
         assert (await client.frame(AHEAD, **WALL)).protocol == "HTTP/1.1"
 

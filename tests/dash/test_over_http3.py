@@ -9,7 +9,7 @@ from tests.dash.conftest import Packager
 from tests.render.transport.client import connect
 from tests.render.transport.serving import served
 from tigas_common.origins import OriginPolicy
-from tigas_render.server.upstreams import Upstreams
+from tigas_render.server.upstreams import UpstreamProxy
 
 pytestmark = pytest.mark.anyio
 
@@ -19,7 +19,7 @@ async def test_a_growing_segment_arrives_chunk_by_chunk_and_a_page_on_another_po
     path = f"/services/dash/sessions/{session['id']}/{session['representations'][0]['id']}/2.m4s"
     services = {"dash": f"http://127.0.0.1:{packager.port}"}
     async with (
-        Upstreams.around(Response("the page"), services, OriginPolicy()) as app,  # type: ignore[arg-type]
+        UpstreamProxy.open(Response("the page"), services, OriginPolicy()) as app,  # type: ignore[arg-type]
         served(app=app) as server,
         connect(server.port) as client,
     ):

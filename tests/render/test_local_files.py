@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tigas_render.local_files import YOUNG_S, cache_directory, kept_key, locked_directory, write_to_cache
+from tigas_render.local_files import MIN_AGE_S, cache_directory, load_or_create_key, locked_directory, write_to_cache
 
 
 def test_a_file_replaces_another_and_nothing_else_stays(tmp_path: Path) -> None:
@@ -37,28 +37,28 @@ def test_users_choose_where_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_key_stays_the_same_and_is_for_its_owner_alone(tmp_path: Path) -> None:
     path = tmp_path / "cache" / "a.key"
-    key = kept_key(path)
+    key = load_or_create_key(path)
     assert len(key) == 32
-    assert kept_key(path) == key
+    assert load_or_create_key(path) == key
     assert path.stat().st_mode & 0o777 == 0o600
-    assert kept_key(tmp_path / "b.key") != key
+    assert load_or_create_key(tmp_path / "b.key") != key
 
 
 @pytest.mark.parametrize("content", [b"", b"short", bytes(33)])
 def test_a_broken_key_is_replaced_by_one_that_is_not_kept(content: bytes, tmp_path: Path) -> None:
     (path := tmp_path / "a.key").write_bytes(content)
-    assert len({kept_key(path), kept_key(path)}) == 2
+    assert len({load_or_create_key(path), load_or_create_key(path)}) == 2
 
 
 def test_a_key_that_cannot_be_kept_is_no_failure(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way")
-    assert len(kept_key(tmp_path / "file" / "a.key")) == 32
+    assert len(load_or_create_key(tmp_path / "file" / "a.key")) == 32
 
 
 PREFIX = "tigas-render-"
 
 
-def age(path: Path, s: float = 2 * YOUNG_S) -> None:
+def age(path: Path, s: float = 2 * MIN_AGE_S) -> None:
     """Let a directory be so old that its service must have locked it."""
     then = time.time() - s
     os.utime(path, (then, then))
@@ -71,7 +71,7 @@ def test_it_is_for_nobody_else_and_gone_in_the_end(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("age_s", [2 * YOUNG_S, -3600.0], ids=["old", "made while the clock was ahead"])
+@pytest.mark.parametrize("age_s", [2 * MIN_AGE_S, -3600.0], ids=["old", "made while the clock was ahead"])
 def test_what_a_killed_service_has_left_is_removed(tmp_path: Path, age_s: float) -> None:
     left = tmp_path / f"{PREFIX}left"
     left.mkdir()

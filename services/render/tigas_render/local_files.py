@@ -18,7 +18,7 @@ logger = logging.getLogger(__name__)
 
 KEY_LENGTH = 32
 """Length of a key in bytes."""
-YOUNG_S = 10.0
+MIN_AGE_S = 10.0
 """Seconds after its creation in which a directory may not be locked yet."""
 
 
@@ -27,7 +27,7 @@ def cache_directory() -> Path:
     return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "tigas"
 
 
-def kept_key(path: Path) -> bytes:
+def load_or_create_key(path: Path) -> bytes:
     """The secret in a private file of the user, created if missing. If that fails, a secret that is not stored."""
     key = os.urandom(KEY_LENGTH)
     try:
@@ -72,7 +72,7 @@ def locked_directory(parent: Path, prefix: str) -> Iterator[Path]:
     _remove_abandoned(parent, prefix)
     with (
         tempfile.TemporaryDirectory(prefix=prefix, dir=parent, ignore_cleanup_errors=True) as name,  # mode 0700
-        locked(Path(name)),
+        lock_directory(Path(name)),
     ):
         yield Path(name)
 
@@ -82,21 +82,21 @@ def _remove_abandoned(parent: Path, prefix: str) -> None:
     for path in parent.glob(f"{prefix}*"):
         with (
             suppress(OSError),
-            locked(path, LOCK_EX | LOCK_NB) as status,
+            lock_directory(path, LOCK_EX | LOCK_NB) as status,
         ):  # another user's, locked, or already removed
-            if status.st_uid == os.getuid() and abs(time.time() - status.st_mtime) > YOUNG_S:
+            if status.st_uid == os.getuid() and abs(time.time() - status.st_mtime) > MIN_AGE_S:
                 shutil.rmtree(path, ignore_errors=True)
 
 
 @contextmanager
-def locked(path: Path, how: int = LOCK_EX) -> Iterator[os.stat_result]:
+def lock_directory(path: Path, flags: int = LOCK_EX) -> Iterator[os.stat_result]:
     """Lock a directory against other processes and threads, as a context manager that yields its state.
 
-    Raises OSError, including when `how` has LOCK_NB and the directory is locked already.
+    Raises OSError, including when `flags` has LOCK_NB and the directory is locked already.
     """
     fd = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
     try:
-        flock(fd, how)
+        flock(fd, flags)
         yield os.fstat(fd)
     finally:
         os.close(fd)

@@ -23,7 +23,7 @@ from tests.render.scenes import made_up, plys
 from tigas_common.errors import BrokenScene
 from tigas_common.processes import tigas
 from tigas_common.wire.render import SceneEdit
-from tigas_render.local_files import locked
+from tigas_render.local_files import lock_directory
 from tigas_render.scenes import directory as directory_module
 from tigas_render.scenes import library_operations
 from tigas_render.scenes.directory import scan_directory
@@ -216,7 +216,7 @@ def test_changes_of_scenes_wait_for_each_other(
 
     def looked_up(directory: Path) -> Any:
         try:
-            with locked(directory, LOCK_EX | LOCK_NB):
+            with lock_directory(directory, LOCK_EX | LOCK_NB):
                 locked_out.append(False)
         except OSError:
             locked_out.append(True)

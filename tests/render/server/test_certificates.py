@@ -6,7 +6,7 @@ from datetime import UTC, datetime, timedelta
 import pytest
 
 from tigas_render.server import certificates
-from tigas_render.server.certificates import CertificateKeeper
+from tigas_render.server.certificates import CertificateRenewer
 from tigas_render.settings import RenderSettings
 from tigas_render.transport.certificate import Certificate
 
@@ -15,7 +15,7 @@ pytestmark = pytest.mark.anyio
 
 async def test_a_failed_renewal_is_repeated(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
     """Here the disk is full when the new one is first handed out."""
-    monkeypatch.setattr(certificates, "LOOK_S", 0.001)
+    monkeypatch.setattr(certificates, "CHECK_INTERVAL_S", 0.001)
     handed_out: list[Certificate] = []
     renewed = asyncio.Event()
 
@@ -26,8 +26,8 @@ async def test_a_failed_renewal_is_repeated(monkeypatch: pytest.MonkeyPatch, cap
         if len(handed_out) == 3:
             renewed.set()
 
-    async with CertificateKeeper.running(RenderSettings()) as keeper:
-        keeper.on_renewal(use)
+    async with CertificateRenewer.run(RenderSettings()) as keeper:
+        keeper.add_listener(use)
         keeper.certificate = Certificate.create([], datetime.now(UTC) - timedelta(days=12))
         async with asyncio.timeout(20):
             await renewed.wait()

@@ -19,7 +19,7 @@ from tests.render.transport.serving import hello
 from tigas_common.address import Address
 from tigas_common.origins import OriginPolicy
 from tigas_render.admission.viewers import ViewerAdmission
-from tigas_render.server.public_servers import public_servers
+from tigas_render.server.public_servers import run_public_servers
 from tigas_render.server.public_sockets import PublicSockets
 from tigas_render.settings import RenderSettings
 from tigas_render.transport.certificate import Certificate
@@ -46,8 +46,8 @@ class Served:
 async def served(cache: Path, *, quic: bool = True) -> AsyncIterator[Served]:
     anywhere = Address("127.0.0.1", 0)
     settings = RenderSettings(cache=cache, http=anywhere, https=anywhere, quic=anywhere if quic else None)
-    with PublicSockets.bound(settings, 1) as sockets:
-        async with public_servers(
+    with PublicSockets.open(settings, 1) as sockets:
+        async with run_public_servers(
             hello,
             FakeFrames(),
             ViewerAdmission(settings.quic_limits),

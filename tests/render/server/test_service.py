@@ -23,7 +23,7 @@ from tigas_render.scenes.scene_file import Listener
 from tigas_render.scenes.source import SceneSource
 from tigas_render.server import service as service_module
 from tigas_render.server.app import create_app
-from tigas_render.server.main import until_stopped_or_lost
+from tigas_render.server.main import wait_until_stopped_or_lost
 from tigas_render.server.service import RenderService
 from tigas_render.settings import RenderSettings
 
@@ -66,7 +66,7 @@ async def test_a_stopping_service_ends_loading_and_downloads_first(
         await asyncio.sleep(0)
         assert service.registry.info("courtyard").state == "loading"
         stop.set()
-        await until_stopped_or_lost(stopped(), service)
+        await wait_until_stopped_or_lost(stopped(), service)
         for work in (loading, making):
             with pytest.raises(Overloaded, match="the service is stopping"):
                 await work
@@ -124,7 +124,7 @@ async def test_scenes_have_ladders_of_their_own_unless_the_settings_name_one_for
     plys.write(tmp_path / "hall" / "ladder.json", f'{{"rungs": {OWN}}}'.encode())
     settings = load(RenderSettings, {"scenes": tmp_path, "cache": tmp_path / "cache"})
     async with RenderService.open(settings, FakeRasterizer()) as service:
-        ladder = (await service.info("hall")).ladder
+        ladder = (await service.scene_info("hall")).ladder
         assert service.config("http://localhost:8080").ladder[0].name == of_the_server
         assert (ladder and ladder[0].name) == of_the_scene
 

@@ -30,7 +30,7 @@ from tigas_common.topology import ServiceName
 from tigas_common.web import created_response
 from tigas_experiments.wire.store import ExperimentCreated
 from tigas_render.server import upstreams
-from tigas_render.server.upstreams import SERVICE_LOST, Upstreams
+from tigas_render.server.upstreams import SERVICE_LOST, UpstreamProxy
 
 pytestmark = pytest.mark.anyio
 HERE = Address("127.0.0.1", 0)
@@ -112,7 +112,7 @@ async def behind(
     url: str, name: ServiceName = "dash", origins: OriginPolicy | None = None
 ) -> AsyncIterator[httpx.AsyncClient]:
     """A client of a front before a service."""
-    app = Upstreams.around(Response("the page"), {name: url}, origins or OriginPolicy())
+    app = UpstreamProxy.open(Response("the page"), {name: url}, origins or OriginPolicy())
     async with (
         app as front,
         serving(front) as base,
@@ -271,8 +271,8 @@ async def test_a_service_that_dies_takes_its_answers_and_sockets_along() -> None
 
 
 async def test_one_client_leaves_room_for_others(monkeypatch: pytest.MonkeyPatch, service: Behind) -> None:
-    monkeypatch.setattr(upstreams, "MOST_PER_ADDRESS", 2)
-    monkeypatch.setattr(upstreams, "MOST", 3)
+    monkeypatch.setattr(upstreams, "MAX_REQUESTS_PER_ADDRESS", 2)
+    monkeypatch.setattr(upstreams, "MAX_REQUESTS", 3)
     async with serving(service.app()) as url, behind(url) as http, AsyncExitStack() as stack:
         for _ in range(2):
             growing = await stack.enter_async_context(http.stream("GET", "/services/dash/growing"))
@@ -289,7 +289,7 @@ async def test_one_client_leaves_room_for_others(monkeypatch: pytest.MonkeyPatch
 
 
 async def test_a_service_that_hangs_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(upstreams, "SILENCE_S", 0.2)
+    monkeypatch.setattr(upstreams, "TIMEOUT_S", 0.2)
 
     async def hang(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         await reader.read()

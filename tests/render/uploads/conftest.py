@@ -20,7 +20,7 @@ from tigas_common.limits import HttpLimits
 from tigas_common.offload import Limit, Offload
 from tigas_common.runner import serve_http
 from tigas_render.server.app import create_app
-from tigas_render.server.library import Library
+from tigas_render.server.library import SceneLibrary
 from tigas_render.server.service import RenderService
 from tigas_render.settings import RenderSettings
 from tigas_render.uploads.parts import FOLDER
@@ -50,7 +50,7 @@ async def in_a_thread(function: Callable[[*Ts], T], *arguments: *Ts, limit: Limi
 async def serving(settings: RenderSettings, offload: Offload = in_a_thread) -> AsyncIterator[httpx.AsyncClient]:
     """A client of a service, over a socket."""
     async with RenderService.open(settings, FakeRasterizer()) as service:
-        service.library = Library(settings, service.registry, service.shelf, offload)
+        service.library = SceneLibrary(settings, service.registry, service.shelf, offload)
         async with (
             serve_http(create_app(service), Address("127.0.0.1", 0), HttpLimits()) as port,
             httpx.AsyncClient(base_url=f"http://127.0.0.1:{port}", timeout=60) as client,

@@ -312,7 +312,7 @@ async def test_a_check_that_outlives_its_service_is_not_forgotten(models: Path) 
     uploads = Uploads(models, limit=8_000_000_000)
     ours = uploads.get(at.rpartition("/")[2])
     async with serving(settings_for(models)) as client:
-        with uploads.locked(ours):  # the check continues after its service was killed
+        with uploads.lock(ours):  # the check continues after its service was killed
             asked = asyncio.create_task(client.post(f"{at}/scene"))
             await client.get("/scenes")
             uploads.note_adding(ours)

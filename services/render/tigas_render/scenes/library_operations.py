@@ -23,7 +23,7 @@ from tigas_common.files import check_room, move_new, open_regular, read_regular,
 from tigas_common.limits import IdleTimeout
 from tigas_common.parsing import parse
 from tigas_common.wire.render import SceneEdit
-from tigas_render.local_files import locked, locked_directory
+from tigas_render.local_files import lock_directory, locked_directory
 from tigas_render.scenes.directory import is_safe_name, read_scene_file, scene_paths
 from tigas_render.scenes.registry import BUILTIN
 from tigas_render.scenes.scene_file import Listener, SceneFile
@@ -184,7 +184,7 @@ def _fetch(url: str, part: Path, listener: Listener, limit: int) -> None:
 
 def _changing(directory: Path) -> AbstractContextManager[object]:
     """Serialise the changes to a directory's scenes, so that no change is lost."""
-    return locked(directory.resolve())
+    return lock_directory(directory.resolve())
 
 
 def remove_scene(directory: Path, id: str) -> None:

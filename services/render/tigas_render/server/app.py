@@ -33,7 +33,7 @@ from tigas_common.web import (
     read_message,
 )
 from tigas_common.wire.render import AddedScene, HostLoad, SceneEdit, SceneInfo, SceneName, ServerConfig, Training
-from tigas_render.server.frame_route import FRAMES, PATH, HttpFrames
+from tigas_render.server.frame_route import FRAME_ROUTE, PATH, HttpFrames
 from tigas_render.server.page import Page
 from tigas_render.server.service import RenderService
 from tigas_render.uploads.routes import UPLOADS
@@ -48,7 +48,7 @@ def create_app(service: RenderService) -> ASGIApp:
     app = Starlette(
         routes=[
             openapi("Render service"),
-            FRAMES,
+            FRAME_ROUTE,
             Route("/scenes", scenes),
             Route("/scenes/{id}", scene),
             Route("/scenes/{id}", edit, methods=["PATCH"]),
@@ -89,12 +89,12 @@ async def scenes(request: Request) -> ModelResponse[list[SceneInfo]]:
     service = _service(request)
     if request.query_params.get("scan"):
         await service.rescan()
-    return list_response(await service.infos())
+    return list_response(await service.scene_infos())
 
 
 async def scene(request: Request) -> ModelResponse[SceneInfo]:
     """One scene."""
-    return json_response(await _service(request).info(request.path_params["id"]))
+    return json_response(await _service(request).scene_info(request.path_params["id"]))
 
 
 async def remove(request: Request) -> Response:
@@ -108,7 +108,7 @@ async def rename(request: Request) -> ModelResponse[SceneInfo]:
     """Rename a scene; its name is also its id."""
     service, name = _service(request), (await read_message(request, SceneName)).name
     await service.library.rename(request.path_params["id"], name)
-    return json_response(await service.info(name))
+    return json_response(await service.scene_info(name))
 
 
 @described(takes=SceneEdit)
@@ -116,7 +116,7 @@ async def edit(request: Request) -> ModelResponse[SceneInfo]:
     """Change the start view, saved views and camera paths of a scene, for everyone."""
     service, id = _service(request), request.path_params["id"]
     await service.library.edit(id, await read_message(request, SceneEdit))
-    return json_response(await service.info(id))
+    return json_response(await service.scene_info(id))
 
 
 async def add(request: Request) -> ModelResponse[AddedScene]:
@@ -130,14 +130,14 @@ async def load(request: Request) -> ModelResponse[SceneInfo]:
     """Load a scene and wait until it is loaded."""
     service, id = _service(request), request.path_params["id"]
     await service.load(id, coarse=request.query_params.get("coarse") == "1")
-    return json_response(await service.info(id))
+    return json_response(await service.scene_info(id))
 
 
 async def unload(request: Request) -> ModelResponse[SceneInfo]:
     """Unload a scene that has no viewers."""
     service, id = _service(request), request.path_params["id"]
     service.registry.unload(id)
-    return json_response(await service.info(id))
+    return json_response(await service.scene_info(id))
 
 
 @described(gives=PICTURES)

@@ -15,41 +15,41 @@ from tigas_render.transport.certificate import Certificate
 
 logger = logging.getLogger(__name__)
 
-LOOK_S = 15
+CHECK_INTERVAL_S = 15
 """Seconds between checks of the certificate."""
 
-Use = Callable[[Certificate], None]
+OnCertificate = Callable[[Certificate], None]
 
 
-class CertificateKeeper:
+class CertificateRenewer:
     """Creates certificates, and passes them to the servers."""
 
     def __init__(self, settings: RenderSettings) -> None:
         self._names = [socket.gethostname(), *(address.host for address in settings.addresses)]
         self.certificate = Certificate.create(self._names, datetime.now(UTC))
-        self._uses: list[Use] = []
-        self._to_renew: list[Use] = []
+        self._listeners: list[OnCertificate] = []
+        self._pending: list[OnCertificate] = []
         """Callbacks that have not received the newest certificate yet."""
 
     @classmethod
     @asynccontextmanager
-    async def running(cls, settings: RenderSettings) -> AsyncIterator[Self]:
-        """A keeper that renews its certificate, as a context manager."""
-        keeper = cls(settings)
-        looking = asyncio.create_task(keeper._look())
+    async def run(cls, settings: RenderSettings) -> AsyncIterator[Self]:
+        """Renew the certificate in the background, as a context manager."""
+        renewer = cls(settings)
+        checking = asyncio.create_task(renewer._check_regularly())
         try:
-            yield keeper
+            yield renewer
         finally:
-            looking.cancel()
+            checking.cancel()
 
-    def on_renewal(self, use: Use) -> None:
-        """Call `use` with the current certificate, and again with each replacement."""
-        use(self.certificate)
-        self._uses.append(use)
+    def add_listener(self, listener: OnCertificate) -> None:
+        """Call `listener` with the current certificate, and again with each replacement."""
+        listener(self.certificate)
+        self._listeners.append(listener)
 
-    async def _look(self) -> None:
+    async def _check_regularly(self) -> None:
         while True:
-            await asyncio.sleep(LOOK_S)
+            await asyncio.sleep(CHECK_INTERVAL_S)
             try:
                 self._renew()
             except Exception:  # a full disk, for example; the next check tries again
@@ -59,7 +59,7 @@ class CertificateKeeper:
         now = datetime.now(UTC)
         if self.certificate.needs_renewal(now):
             self.certificate = Certificate.create(self._names, now)
-            self._to_renew = list(self._uses)
-        while self._to_renew:
-            self._to_renew[0](self.certificate)
-            del self._to_renew[0]
+            self._pending = list(self._listeners)
+        while self._pending:
+            self._pending[0](self.certificate)
+            del self._pending[0]

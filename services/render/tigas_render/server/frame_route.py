@@ -19,7 +19,7 @@ from tigas_render.admission.viewers import HttpViewers, RequestRate
 from tigas_render.frame import Client, Frame, FrameSource, Transport
 
 PATH = "/render"
-VIEWER, MOST_NAME = "Tigas-Viewer", 64
+VIEWER_HEADER, MAX_NAME_LENGTH = "Tigas-Viewer", 64
 """The header by which a viewer identifies itself, and its maximum length in characters."""
 CLIENT_GONE = 499
 """The status for a client that disconnected before its answer, and so never reads it."""
@@ -35,7 +35,7 @@ class HttpFrames:
 
 
 def frames_app(frames: HttpFrames) -> Starlette:
-    app = Starlette(routes=[FRAMES], exception_handlers=EXCEPTION_HANDLERS)
+    app = Starlette(routes=[FRAME_ROUTE], exception_handlers=EXCEPTION_HANDLERS)
     app.state.frames = frames
     return app
 
@@ -58,7 +58,7 @@ async def render(request: Request) -> Response:
     timing = frame.timing
     headers = {
         "Server-Timing": f"queue;dur={timing.queue}, render;dur={timing.render}, encode;dur={timing.encode}",
-        "Tigas-Frame": _about(frame, frames.rate.announced_rate),
+        "Tigas-Frame": _frame_header(frame, frames.rate.announced_rate),
         **NO_STORE,
         "Timing-Allow-Origin": "*",
     }
@@ -67,7 +67,7 @@ async def render(request: Request) -> Response:
     return Response(body, headers=headers, media_type=frame.content_type)
 
 
-def _about(frame: Frame, requests_per_s: float | None) -> str:
+def _frame_header(frame: Frame, requests_per_s: float | None) -> str:
     """The frame's `Tigas-Frame` header."""
     numbers = {
         "seq": frame.seq,
@@ -82,11 +82,11 @@ def _about(frame: Frame, requests_per_s: float | None) -> str:
     return ", ".join(f"{name}={number}" for name, number in numbers.items() if number is not None)
 
 
-def _viewer(request: Request) -> str:
+def _viewer_name(request: Request) -> str:
     """The viewer's identifier, which distinguishes it from others behind the same gateway."""
-    name = request.headers.get(VIEWER, "")
-    if len(name) > MOST_NAME:
-        raise InvalidRequest(f"{VIEWER}: a name has at most {MOST_NAME} characters.")
+    name = request.headers.get(VIEWER_HEADER, "")
+    if len(name) > MAX_NAME_LENGTH:
+        raise InvalidRequest(f"{VIEWER_HEADER}: a name has at most {MAX_NAME_LENGTH} characters.")
     return name
 
 
@@ -95,9 +95,9 @@ def _client(request: Request, viewers: HttpViewers) -> Client:
     peer = request.client
     transport: Transport = "http3" if request.scope["http_version"] == "3" else "http1"
     address, connection = (client_network(peer.host), f"{peer.host}:{peer.port}") if peer else ("unknown", "unknown")
-    name = viewers.admit(address, _viewer(request))
+    name = viewers.admit(address, _viewer_name(request))
     return Client(address, f"{name}/{connection}" if name else connection, transport)
 
 
-FRAMES = Route(PATH, render, methods=["POST"])
+FRAME_ROUTE = Route(PATH, render, methods=["POST"])
 """The route, for an application with HttpFrames as `state.frames`."""

@@ -29,13 +29,13 @@ CHECK_CPU_S = 600
 """CPU time limit of a check, in seconds: a hundred million Gaussians take less."""
 
 
-class BuiltIn(TigasError):
+class BuiltInScene(TigasError):
     """The scene is part of TIGAS."""
 
     status, type, title = 409, "built-in-scene", "The scene is built in"
 
 
-class Library:
+class SceneLibrary:
     """Changes the models directory, and has the registry scan it again."""
 
     def __init__(
@@ -46,8 +46,8 @@ class Library:
         self._registry = registry
         self._shelf = shelf
         self._offload = offload
-        self._checks = asyncio.Semaphore(1)  # each may take as much memory as the largest scene
-        self._adding = SingleFlight[str, str]()
+        self._check_semaphore = asyncio.Semaphore(1)  # each may take as much memory as the largest scene
+        self._additions = SingleFlight[str, str]()
 
     @property
     def max_upload_bytes(self) -> int | None:
@@ -65,7 +65,7 @@ class Library:
         """
         uploads = open_uploads(self._settings)
         # A client that has disconnected may come back and repeat its request.
-        return await self._adding.get(upload_id, lambda: self._add(uploads, upload_id))
+        return await self._additions.get(upload_id, lambda: self._add(uploads, upload_id))
 
     async def remove(self, scene_id: str) -> None:
         """Remove a scene for good. Raises ScenesFixed, UnknownScene, BuiltIn, DiskFull and StorageFailed."""
@@ -83,14 +83,14 @@ class Library:
         """Change a scene's description. Raises the errors of `remove`, and InvalidRequest for an invalid result."""
         await self._change(scene_id, partial(edit_scene, edit=edit))
 
-    def tidy(self) -> None:
+    def expire_uploads(self) -> None:
         with suppress(ScenesFixed):
             open_uploads(self._settings).expire()
 
     async def _change(self, scene_id: str, change: Callable[[Path, str], None]) -> None:
         models = open_uploads(self._settings).models
         if self._registry.info(scene_id).builtin:
-            raise BuiltIn(f"{self._registry.source(scene_id).name} is part of TIGAS and cannot be changed.")
+            raise BuiltInScene(f"{self._registry.source(scene_id).name} is part of TIGAS and cannot be changed.")
         try:
             with storage_explained(MODELS):
                 await asyncio.to_thread(change, models, scene_id)
@@ -105,8 +105,8 @@ class Library:
             raise WrongOffset(f"The upload has {upload.offset} of {upload.length} bytes.")
         limit = Limit(memory=uploads.limit + CHECK_MEMORY, cpu_s=CHECK_CPU_S)
         try:
-            async with self._checks:
-                await self._offload(keep_upload, uploads, upload.id, limit=limit)
+            async with self._check_semaphore:
+                await self._offload(commit_upload, uploads, upload.id, limit=limit)
         except (Overloaded, DiskFull):  # a later attempt may succeed
             raise
         except TigasError as error:
@@ -118,7 +118,7 @@ class Library:
         return upload.scene
 
 
-def keep_upload(uploads: Uploads, id: str) -> None:
+def commit_upload(uploads: Uploads, id: str) -> None:
     """Check a complete upload, and add it as a scene unless that has been done already.
 
     Runs in a separate process because the file may be malicious. Raises UnknownUpload, NotAdded, BrokenScene, DiskFull
@@ -126,7 +126,7 @@ def keep_upload(uploads: Uploads, id: str) -> None:
     """
     upload = uploads.get(id)
     try:
-        with uploads.locked(upload):
+        with uploads.lock(upload):
             if uploads.get(id).added:  # by a check that outlived an earlier service
                 return
             needed = read_scene_file(upload.path).packed_bytes

@@ -16,11 +16,11 @@ from tigas_common.resources import keep_together
 from tigas_common.runner import until_stopped
 from tigas_common.settings import MODELS
 from tigas_common.terminal import printable
-from tigas_render.local_files import kept_key
+from tigas_render.local_files import load_or_create_key
 from tigas_render.raster.devices import create_rasterizer
 from tigas_render.server.app import STATIC, create_app
-from tigas_render.server.certificates import CertificateKeeper
-from tigas_render.server.public_servers import public_servers
+from tigas_render.server.certificates import CertificateRenewer
+from tigas_render.server.public_servers import run_public_servers
 from tigas_render.server.public_sockets import PublicSockets
 from tigas_render.server.service import RenderService
 from tigas_render.settings import RenderSettings
@@ -30,46 +30,46 @@ logger = logging.getLogger(__name__)
 
 LOST_GRACE_S = 5.0
 """Seconds in which a process must exit after its device is lost."""
-MOST_BROKEN = 20
+MAX_LISTED_BROKEN = 20
 """Maximum number of broken scenes that the start message lists."""
-SWITCH_S = 0.0001
+THREAD_SWITCH_S = 0.0001
 """Python's thread switch interval in seconds: with the default, 5 ms, a busy event loop delays every frame."""
 
 
 async def serve(settings: RenderSettings) -> None:
     """Run the render service in this process until SIGINT or SIGTERM. Raises StartError, also if the device is lost."""
     async with AsyncExitStack() as stack:
-        sockets = stack.enter_context(PublicSockets.bound(settings, 1))
-        service = await stack.enter_async_context(opened(settings, say))
+        sockets = stack.enter_context(PublicSockets.open(settings, 1))
+        service = await stack.enter_async_context(open_service(settings, print_line))
         service.quic_port, service.https_port = sockets.quic_port, sockets.https_port
-        keeper = await stack.enter_async_context(CertificateKeeper.running(settings))
-        keeper.on_renewal(service.show)
+        renewer = await stack.enter_async_context(CertificateRenewer.run(settings))
+        renewer.add_listener(service.set_certificate)
         await stack.enter_async_context(service.monitor_load())
         renew = await stack.enter_async_context(
-            public_servers(
+            run_public_servers(
                 create_app(service),
                 service,
                 service.admission,
                 settings,
                 service.origins,
-                certificate=keeper.certificate,
-                reset_key=kept_key(settings.cache / "stateless-reset.key"),
+                certificate=renewer.certificate,
+                reset_key=load_or_create_key(settings.cache / "stateless-reset.key"),
                 http=sockets.http,
                 https=sockets.https,
                 quic=PortShare(sockets=sockets.quic[0]) if sockets.quic else None,
             )
         )
-        keeper.on_renewal(renew)
-        say("\n".join(announcement(service, sockets.http_port, (service.device,))))
-        await until_stopped_or_lost(until_stopped(), service)
+        renewer.add_listener(renew)
+        print_line("\n".join(announce(service, sockets.http_port, (service.device,))))
+        await wait_until_stopped_or_lost(until_stopped(), service)
 
 
-def say(line: str) -> None:
+def print_line(line: str) -> None:
     print(line, flush=True)
 
 
 @asynccontextmanager
-async def opened(settings: RenderSettings, say: Callable[[str], None]) -> AsyncIterator[RenderService]:
+async def open_service(settings: RenderSettings, print_line: Callable[[str], None]) -> AsyncIterator[RenderService]:
     """Prepare the process and open the service, without any servers, as a context manager. Raises StartError."""
     keep_together()
     _prepare_directory(settings)
@@ -77,17 +77,17 @@ async def opened(settings: RenderSettings, say: Callable[[str], None]) -> AsyncI
         rasterizer = create_rasterizer(settings.device, settings.cache)
     except ValueError as error:
         raise StartError(str(error)) from None
-    say("Preparing the rasteriser (the first start on a machine compiles it, about half a minute) …")
+    print_line("Preparing the rasteriser (the first start on a machine compiles it, about half a minute) …")
     async with AsyncExitStack() as stack:
         try:
             service = await stack.enter_async_context(RenderService.open(settings, rasterizer))
         except TigasError as error:  # a GPU out of memory, or lost
             raise StartError(error.detail) from None
-        sys.setswitchinterval(SWITCH_S)
+        sys.setswitchinterval(THREAD_SWITCH_S)
         yield service
 
 
-async def until_stopped_or_lost(stop: Coroutine[None, None, None], service: RenderService) -> None:
+async def wait_until_stopped_or_lost(stop: Coroutine[None, None, None], service: RenderService) -> None:
     """Wait for `stop`, then end long-running work. Raises StartError if the device is lost first, since only a new
     process can use it. The process then exits within `LOST_GRACE_S`, even if threads are stuck in calls to the device.
     """
@@ -97,7 +97,7 @@ async def until_stopped_or_lost(stop: Coroutine[None, None, None], service: Rend
         await asyncio.wait((stopped, engine.device_lost), return_when=asyncio.FIRST_COMPLETED)
     finally:
         stopped.cancel()
-        service.stop_work()
+        service.abort_work()
     if engine.device_lost.done():
         reason = engine.device_lost.result().detail
         logger.error("%s", reason)  # the process may be killed before it reports the StartError
@@ -124,16 +124,16 @@ def _prepare_directory(settings: RenderSettings) -> None:
         raise StartError(f"The models directory {scenes} cannot be read; check its permissions.")
 
 
-def announcement(service: RenderService, http_port: int, devices: Sequence[str]) -> list[str]:
+def announce(service: RenderService, http_port: int, devices: Sequence[str]) -> list[str]:
     """Set the service's URL, and return the lines of the start message. devices: the rendering devices' names."""
     http = Address(service.settings.http.host, http_port)
     service.url = f"http://{http.reachable_host}:{http.port}"
     lines = []
     scenes = service.registry.infos()
     broken = [scene for scene in scenes if scene.state == "broken"]
-    lines += [printable(f"  {scene.id} is left out: {scene.error}") for scene in broken[:MOST_BROKEN]]
-    if len(broken) > MOST_BROKEN:
-        lines.append(f"  {len(broken) - MOST_BROKEN} more are left out.")
+    lines += [printable(f"  {scene.id} is left out: {scene.error}") for scene in broken[:MAX_LISTED_BROKEN]]
+    if len(broken) > MAX_LISTED_BROKEN:
+        lines.append(f"  {len(broken) - MAX_LISTED_BROKEN} more are left out.")
     usable = sum(scene.state != "broken" for scene in scenes)
     lines.append(f"{usable} {'scene' if usable == 1 else 'scenes'} ready on {', '.join(devices)}.")
     folder = service.settings.scenes

@@ -33,7 +33,7 @@ class Page(StaticFiles):
         response = await super().get_response(path, scope)
         hashed = path.startswith("assets/")
         response.headers["Cache-Control"] = "max-age=31536000, immutable" if hashed else "no-cache"
-        policy = WORKER_POLICY if hashed else _policy(self._config(Request(scope)))
+        policy = WORKER_POLICY if hashed else _content_security_policy(self._config(Request(scope)))
         response.headers["Content-Security-Policy"] = policy
         return response
 
@@ -42,7 +42,7 @@ class Page(StaticFiles):
     ) -> Response:
         """The file in the first encoding that exists and the client accepts; 304 if the client already has it."""
         headers = Headers(scope=scope)
-        accepted = _accepted(headers.get("accept-encoding", ""))
+        accepted = _accepted_encodings(headers.get("accept-encoding", ""))
         for encoding, suffix in ENCODINGS.items():
             compressed = Path(f"{os.fspath(full_path)}{suffix}")
             if encoding in accepted and compressed.is_file():
@@ -60,13 +60,13 @@ class Page(StaticFiles):
         return NotModifiedResponse(response.headers) if self.is_not_modified(response.headers, headers) else response
 
 
-def _accepted(header: str) -> set[str]:
+def _accepted_encodings(header: str) -> set[str]:
     """The codings that an Accept-Encoding header allows (RFC 9110, 12.5.3), ignoring the order of preference."""
     parts = [part.replace(" ", "").partition(";") for part in header.lower().split(",")]
     return {coding for coding, _, weight in parts if weight.rstrip("0").rstrip(".") not in ("q=0", "q=")}
 
 
-def _policy(config: ServerConfig) -> str:
+def _content_security_policy(config: ServerConfig) -> str:
     """The page's Content-Security-Policy: its own origin, and connections to the services' hosts on any port."""
     urls = [urlsplit(url) for url in (*config.services.values(), config.webtransport_url) if url]
     # The syntax of host sources has no IPv6 addresses, so only the scheme can be restricted.

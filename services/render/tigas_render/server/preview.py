@@ -32,7 +32,7 @@ _MEDIA_TYPES = {"JPEG": "image/jpeg", "PNG": "image/png"}
 
 _log = logging.getLogger(__name__)
 
-Render = Callable[[str], Awaitable[bytes]]
+RenderPreview = Callable[[str], Awaitable[bytes]]
 """Renders a scene (by id) from its start camera as a JPEG of WIDTH × HEIGHT pixels."""
 
 
@@ -47,7 +47,7 @@ class Preview:
 class PreviewCache:
     """Previews of scenes. Rendered ones are cached in `directory`, which is created when needed."""
 
-    def __init__(self, directory: Path, render: Render) -> None:
+    def __init__(self, directory: Path, render: RenderPreview) -> None:
         self._directory = directory
         self._render = render
         self._rendering = SingleFlight[Path, Preview]()

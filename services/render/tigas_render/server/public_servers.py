@@ -17,7 +17,7 @@ from tigas_render.admission.limits import Limits
 from tigas_render.admission.viewers import ViewerAdmission
 from tigas_render.frame import FrameSource
 from tigas_render.server.frame_route import PATH
-from tigas_render.server.upstreams import Upstreams
+from tigas_render.server.upstreams import UpstreamProxy
 from tigas_render.settings import RenderSettings
 from tigas_render.transport.certificate import Certificate
 from tigas_render.transport.frames import render_session
@@ -26,7 +26,7 @@ from tigas_render.transport.shared_port import PortShare
 
 
 @asynccontextmanager
-async def public_servers(
+async def run_public_servers(
     app: ASGIApp,
     frames: FrameSource,
     admission: ViewerAdmission,
@@ -46,14 +46,14 @@ async def public_servers(
     or behind a pipe. http, https: listening sockets. edges: the number of processes that share the limits.
     """
     limits = HttpLimits.of(settings.http_limits).of_each(edges)
-    users: list[Callable[[Certificate], None]] = []
+    listeners: list[Callable[[Certificate], None]] = []
     async with AsyncExitStack() as stack:
-        app = await stack.enter_async_context(Upstreams.around(app, settings.upstreams, origins, edges))
+        app = await stack.enter_async_context(UpstreamProxy.open(app, settings.upstreams, origins, edges))
         app = LoopShare(app, limits.loop_share_per_address, origins)
         if https is not None:
             tls = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
             certificate.load_into(tls)
-            users.append(lambda renewed: renewed.load_into(tls))
+            listeners.append(lambda renewed: renewed.load_into(tls))
             await stack.enter_async_context(serve_listener(app, https, limits, tls, websockets=True))
         await stack.enter_async_context(serve_listener(app, http, limits, websockets=True))
         if quic is not None:  # closed first, to notify viewers at once: HTTP/1.1 may wait for long answers
@@ -69,10 +69,10 @@ async def public_servers(
                 load=admission.load,
             )
             await stack.enter_async_context(server)
-            users.append(server.replace_certificate)
+            listeners.append(server.replace_certificate)
 
         def renew(renewed: Certificate) -> None:
-            for use in users:
-                use(renewed)
+            for listener in listeners:
+                listener(renewed)
 
         yield renew

@@ -40,7 +40,7 @@ class PublicSockets:
     def quic_port(self) -> int | None:
         return int(self.quic[0][0].getsockname()[1]) if self.quic else None
 
-    def fds(self) -> tuple[int, ...]:
+    def file_descriptors(self) -> tuple[int, ...]:
         """The file descriptors of all sockets; every edge inherits all of them."""
         tcp = (self.http,) if self.https is None else (self.http, self.https)
         groups = (tcp, *self.quic)
@@ -48,14 +48,14 @@ class PublicSockets:
 
     @classmethod
     @contextmanager
-    def bound(cls, settings: RenderSettings, edges: int) -> Iterator[PublicSockets]:
+    def open(cls, settings: RenderSettings, edges: int) -> Iterator[PublicSockets]:
         """Open the sockets, as a context manager. Raises StartError for an unusable address."""
         with ExitStack() as stack:
             quic: tuple[tuple[socket.socket, ...], ...] = ()
             if settings.quic is not None:
                 with explained(settings.quic, "--quic"):
                     families = [
-                        _group(first, edges, stack) for first in bind_all(settings.quic.host, settings.quic.port)
+                        _bind_edges(first, edges, stack) for first in bind_all(settings.quic.host, settings.quic.port)
                     ]
                 quic = tuple(zip(*families, strict=True))
                 if edges > 1 and not all(attach_steering(family[0], edges) for family in families):
@@ -65,7 +65,7 @@ class PublicSockets:
             yield cls(http, https, quic)
 
 
-def _group(first: socket.socket, edges: int, stack: ExitStack) -> list[socket.socket]:
+def _bind_edges(first: socket.socket, edges: int, stack: ExitStack) -> list[socket.socket]:
     others = (bind_another(first) for _ in range(edges - 1))
     return [stack.enter_context(first), *map(stack.enter_context, others)]
 

@@ -44,7 +44,7 @@ from tigas_render.scenes.coarse import CoarseScenes
 from tigas_render.scenes.registry import SceneRegistry
 from tigas_render.scenes.source import SceneSource
 from tigas_render.scenes.start_view.view import KeptViews
-from tigas_render.server.library import Library
+from tigas_render.server.library import SceneLibrary
 from tigas_render.server.preview import HEIGHT, WIDTH, Preview, PreviewCache, preview_camera
 from tigas_render.settings import RenderSettings
 from tigas_render.transport.certificate import Certificate
@@ -55,7 +55,7 @@ logger = logging.getLogger(__name__)
 HOUSEKEEPING_S = 15
 """Seconds between checks for idle scenes, unfinished uploads and a stuck renderer."""
 
-PREVIEWS = "previews"
+PREVIEW_CLIENT = "previews"
 """The client address of all thumbnails. Each scene is a session, because a session may queue only a few requests."""
 
 
@@ -116,7 +116,7 @@ class RenderService(FrameSource):
         self.downloads = DownloadCache(settings.cache / "downloads", int(settings.downloads_gb * 1e9))
         self.readers = Readers()
         self.rescan = self.registry.scan
-        self.library = Library(settings, self.registry, self.shelf)
+        self.library = SceneLibrary(settings, self.registry, self.shelf)
         self._previews = PreviewCache(settings.cache, self._render_preview)
 
     @classmethod
@@ -126,28 +126,28 @@ class RenderService(FrameSource):
         service = cls(settings, rasterizer)
         async with service.engine:
             await service.registry.scan()
-            housekeeping = asyncio.create_task(service._keep_house())
+            housekeeping = asyncio.create_task(service._run_housekeeping())
             try:
                 yield service
             finally:
                 housekeeping.cancel()
                 await service.trainer.close()
-        service.stop_work()
+        service.abort_work()
 
-    def stop_work(self) -> None:
+    def abort_work(self) -> None:
         """Abort the loading of scenes and the preparation of downloads, because the service is stopping."""
         self.registry.close()
         self.downloads.close()
 
-    def show(self, certificate: Certificate) -> None:
+    def set_certificate(self, certificate: Certificate) -> None:
         """Announce a certificate to pages from now on."""
         self.certificate = certificate
 
     def monitor_load(self) -> AbstractAsyncContextManager[None]:
         """Measure the load of this process, as the only edge, as a context manager."""
-        return self.admission.monitor(self._report)
+        return self.admission.monitor(self._record_load)
 
-    def _report(self, state: LoadState) -> None:
+    def _record_load(self, state: LoadState) -> None:
         self.loads.update(0, state)
         self.admission.load.record_engine(*self.engine.state())
 
@@ -156,7 +156,7 @@ class RenderService(FrameSource):
         host = urlsplit(page).hostname or "localhost"
         # QUIC does not fall back from ::1 to 127.0.0.1, so a browser must not choose between them.
         quic_host = "127.0.0.1" if host == "localhost" else host
-        quic_port = self.quic_port if self._reaches_quic(host) else None
+        quic_port = self.quic_port if self._can_reach_quic(host) else None
         certificate = self.certificate if quic_port else None
         http3 = f"https://{bracketed(quic_host)}:{quic_port}" if quic_port else None
         return ServerConfig(
@@ -188,37 +188,37 @@ class RenderService(FrameSource):
             scenes=tuple(scene.id for scene in self.registry.infos() if scene.state == "loaded"),
         )
 
-    def _reaches_quic(self, host: str) -> bool:
+    def _can_reach_quic(self, host: str) -> bool:
         """Whether a page that was opened at `host` can reach QUIC there; on loopback, only a local page can."""
         return self.settings.quic is not None and (not self.settings.quic.is_loopback or is_loopback(host))
 
     def request(self, client: Client, request: RenderRequest, arrived: float, on_answer: OnAnswer) -> Cancel:
-        def note(answer: Frame | Exception) -> None:
+        def record_answer(answer: Frame | Exception) -> None:
             if isinstance(answer, Frame):
                 self.registry.viewed(request.scene)
             on_answer(answer)
 
-        return self.engine.request(client, request, arrived, note)
+        return self.engine.request(client, request, arrived, record_answer)
 
     def forget(self, client: Client) -> None:
         self.engine.forget(client)
 
     async def load(self, scene_id: str, *, coarse: bool = False) -> None:
         """Load a scene and wait until it is loaded, like `SceneRegistry.load`; raises the same errors."""
-        with self._noticing_loss():
+        with self._report_device_loss():
             await self.registry.load(scene_id, coarse=coarse)
 
-    async def infos(self) -> list[SceneInfo]:
+    async def scene_infos(self) -> list[SceneInfo]:
         """All scenes, with the networks and downloads available for each."""
         found = [(info, self.registry.source(info.id)) for info in self.registry.infos()]
-        return await asyncio.to_thread(lambda: [self._with_files(*each) for each in found])
+        return await asyncio.to_thread(lambda: [self._add_files(*each) for each in found])
 
-    async def info(self, scene_id: str) -> SceneInfo:
+    async def scene_info(self, scene_id: str) -> SceneInfo:
         """One scene. Raises UnknownScene."""
         info, source = self.registry.info(scene_id), self.registry.source(scene_id)
-        return await asyncio.to_thread(self._with_files, info, source)
+        return await asyncio.to_thread(self._add_files, info, source)
 
-    def _with_files(self, info: SceneInfo, source: SceneSource) -> SceneInfo:
+    def _add_files(self, info: SceneInfo, source: SceneSource) -> SceneInfo:
         """A scene's description, including its additional files. Reads the disk, so call it in a worker thread."""
         files = {"enhance": self.shelf.kind(source), "downloads": self.downloads.offered(source)}
         return info.model_copy(update=files)
@@ -261,15 +261,15 @@ class RenderService(FrameSource):
 
     async def _render_preview(self, scene_id: str) -> bytes:
         """Render a scene from its start camera, through the engine, so that it waits its turn like any other frame."""
-        with self._noticing_loss():
+        with self._report_device_loss():
             async with self.registry.use(scene_id) as scene:
                 camera = preview_camera(scene.view.camera, scene.view.up, WIDTH, HEIGHT)
                 request = RenderRequest.at(scene_id, camera.pose, camera.intrinsics)
-                client = Client(PREVIEWS, scene_id)
+                client = Client(PREVIEW_CLIENT, scene_id)
                 return bytes((await self.engine.submit(client, request, time.monotonic())).body)
 
     @contextmanager
-    def _noticing_loss(self) -> Iterator[None]:
+    def _report_device_loss(self) -> Iterator[None]:
         """Report a device lost in the meantime to the engine, since scenes are loaded outside it."""
         try:
             yield
@@ -277,13 +277,13 @@ class RenderService(FrameSource):
             self.engine.lose_device(error)
             raise
 
-    async def _keep_house(self) -> None:
+    async def _run_housekeeping(self) -> None:
         while True:
             await asyncio.sleep(HOUSEKEEPING_S)
             self.engine.check_progress()
             try:
                 self.engine.videos.forget_idle()
                 self.registry.evict_idle(time.monotonic())
-                await asyncio.to_thread(self.library.tidy)
+                await asyncio.to_thread(self.library.expire_uploads)
             except Exception:  # the next round tries again
                 logger.exception("Housekeeping failed")

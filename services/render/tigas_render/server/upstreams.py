@@ -33,19 +33,19 @@ TITLES: Mapping[ServiceName, str] = {
     "store": "experiment store",
 }
 """Names of the services in error messages."""
-MOST, MOST_PER_ADDRESS = 96, 48
+MAX_REQUESTS, MAX_REQUESTS_PER_ADDRESS = 96, 48
 """Concurrent requests to a service: in total, which stays below the service's own limit per address, and per client."""
-SILENCE_S = 120.0
+TIMEOUT_S = 120.0
 """Seconds to wait for an answer before giving up: a large scene, or a report, takes a minute."""
-IDLE_S = 2.0
+KEEPALIVE_S = 2.0
 """Seconds for which an idle connection is kept, shorter than the services keep it."""
-OPEN_S, CLOSE_S = 10.0, 1.0
+OPEN_TIMEOUT_S, CLOSE_TIMEOUT_S = 10.0, 1.0
 """Timeouts in seconds for a service to accept a WebSocket, and to close it."""
 NORMAL, NO_CODE, SERVICE_LOST = 1000, 1005, 1014
 """Close codes (RFC 6455, 7.4.1): normal closure, no code received, and bad gateway."""
 
 
-class Upstreams:
+class UpstreamProxy:
     """ASGI middleware that forwards the services' paths to them, and passes all others to the application."""
 
     def __init__(
@@ -55,18 +55,18 @@ class Upstreams:
         self._app = app
         self._origins = origins
         prefix = f"{SERVICES_PATH}/".encode()
-        self._services = {prefix + name.encode(): _Service(name, url, processes) for name, url in urls.items()}
+        self._services = {prefix + name.encode(): _Upstream(name, url, processes) for name, url in urls.items()}
 
     @classmethod
     @asynccontextmanager
-    async def around(
+    async def open(
         cls, app: ASGIApp, urls: Mapping[ServiceName, str], origins: OriginPolicy, processes: int = 1
     ) -> AsyncIterator[ASGIApp]:
-        made = cls(app, urls, origins, processes)
+        proxy = cls(app, urls, origins, processes)
         try:
-            yield made
+            yield proxy
         finally:
-            for service in made._services.values():
+            for service in proxy._services.values():
                 await service.close()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -80,38 +80,40 @@ class Upstreams:
                 raise UnknownService("There is no WebSocket at this path.")
             self._origins.check_request(scope.get("method", "GET"), Headers(scope=scope))
             rest = {**scope, "raw_path": path.removeprefix(prefix) or b"/"}
-            await service.answer(rest, prefix, receive, send)
+            await service.forward(rest, prefix, receive, send)
         except TigasError as error:
             await refuse(error, self._origins, scope, receive, send)
 
 
-class _Service:
+class _Upstream:
     def __init__(self, name: ServiceName, url: str, processes: int) -> None:
         self._title = TITLES[name]
         self._url = httpx.URL(url)
-        most = math.ceil(MOST / processes)
-        self._running = ConcurrencyLimit(most, min(most, quota(MOST_PER_ADDRESS, processes)))
-        self._transport = httpx.AsyncHTTPTransport(limits=httpx.Limits(max_connections=most, keepalive_expiry=IDLE_S))
+        limit = math.ceil(MAX_REQUESTS / processes)
+        self._running = ConcurrencyLimit(limit, min(limit, quota(MAX_REQUESTS_PER_ADDRESS, processes)))
+        self._transport = httpx.AsyncHTTPTransport(
+            limits=httpx.Limits(max_connections=limit, keepalive_expiry=KEEPALIVE_S)
+        )
         self.close = self._transport.aclose
 
-    async def answer(self, scope: Scope, prefix: bytes, receive: Receive, send: Send) -> None:
+    async def forward(self, scope: Scope, prefix: bytes, receive: Receive, send: Send) -> None:
         """Forward a request. Raises Overloaded, ServiceAway and ServiceSilent before the answer has begun."""
         busy = Overloaded(f"The {self._title} is handling too many requests; try again later.")
         with self._running.one_more(client_of(scope), busy):
             if scope["type"] == "websocket":
-                with self._explained():
+                with self._translate_errors():
                     await _relay(self._url, scope, receive, send)
-            elif (answer := await self._ask(scope, receive)) is not None:
+            elif (answer := await self._request(scope, receive)) is not None:
                 # `Location` must be a path on this origin
                 headers = [
                     (name, prefix + value if name == b"location" else value) for name, value in headers_of(answer)
                 ]
                 await hand_back(answer, headers, receive, send)
 
-    async def _ask(self, scope: Scope, receive: Receive) -> httpx.Response | None:
+    async def _request(self, scope: Scope, receive: Receive) -> httpx.Response | None:
         """Return the answer, or None if the client disconnects first."""
         sent = asyncio.Event()
-        body = b"" if scope["method"] in ("GET", "HEAD") else _parts(Request(scope, receive), sent)
+        body = b"" if scope["method"] in ("GET", "HEAD") else _body_chunks(Request(scope, receive), sent)
         if isinstance(body, bytes):
             sent.set()
 
@@ -120,23 +122,23 @@ class _Service:
             await until_left(receive)
 
         try:
-            with self._explained():
-                return await unless(left(), ask(self._transport, str(self._url), scope, body, silence_s=SILENCE_S))
+            with self._translate_errors():
+                return await unless(left(), ask(self._transport, str(self._url), scope, body, silence_s=TIMEOUT_S))
         except ClientDisconnect:
             return None
 
     @contextmanager
-    def _explained(self) -> Iterator[None]:
+    def _translate_errors(self) -> Iterator[None]:
         """Turn connection errors into errors with a readable message."""
         try:
             yield
         except httpx.ReadTimeout:
-            raise ServiceSilent(f"The {self._title} has not answered for {SILENCE_S:.0f} s.") from None
+            raise ServiceSilent(f"The {self._title} has not answered for {TIMEOUT_S:.0f} s.") from None
         except (httpx.TransportError, OSError):
             raise ServiceAway(f"The {self._title} does not answer; it may be starting, so try again.") from None
 
 
-async def _parts(request: Request, sent: asyncio.Event) -> AsyncIterator[bytes]:
+async def _body_chunks(request: Request, sent: asyncio.Event) -> AsyncIterator[bytes]:
     """Yield a request's body in chunks. Raises ClientDisconnect."""
     async for part in request.stream():
         if part:
@@ -163,8 +165,8 @@ async def _relay(url: httpx.URL, scope: Scope, receive: Receive, send: Send) -> 
             additional_headers=about,
             compression=None,
             proxy=None,
-            open_timeout=OPEN_S,
-            close_timeout=CLOSE_S,
+            open_timeout=OPEN_TIMEOUT_S,
+            close_timeout=CLOSE_TIMEOUT_S,
         )
     except InvalidStatus as refused:
         answer = refused.response
@@ -175,13 +177,16 @@ async def _relay(url: httpx.URL, scope: Scope, receive: Receive, send: Send) -> 
         raise ConnectionError(str(error)) from None
     else:
         async with service:
-            await _carry(WebSocket(scope, receive, send), service)
+            await _relay_messages(WebSocket(scope, receive, send), service)
 
 
-async def _carry(socket: WebSocket, service: ClientConnection) -> None:
+async def _relay_messages(socket: WebSocket, service: ClientConnection) -> None:
     with suppress(RuntimeError, WebSocketDisconnect):  # the client has just disconnected
         await socket.accept()
-        directions = [asyncio.create_task(_up(socket, service)), asyncio.create_task(_down(socket, service))]
+        directions = [
+            asyncio.create_task(_relay_up(socket, service)),
+            asyncio.create_task(_relay_down(socket, service)),
+        ]
         try:
             await asyncio.wait(directions, return_when=asyncio.FIRST_COMPLETED)
         finally:
@@ -196,13 +201,13 @@ async def _carry(socket: WebSocket, service: ClientConnection) -> None:
                 await socket.close(NORMAL if end.code == NO_CODE else end.code, end.reason)
 
 
-async def _up(socket: WebSocket, service: ClientConnection) -> None:
+async def _relay_up(socket: WebSocket, service: ClientConnection) -> None:
     while (message := await socket.receive())["type"] == "websocket.receive":
         text = message.get("text")
         await service.send(message["bytes"] if text is None else text)
 
 
-async def _down(socket: WebSocket, service: ClientConnection) -> None:
+async def _relay_down(socket: WebSocket, service: ClientConnection) -> None:
     async for message in service:
         if isinstance(message, str):
             await socket.send_text(message)

@@ -19,7 +19,7 @@ from pathlib import Path
 
 from tigas_common.errors import BodyTooLarge, Overloaded, TigasError
 from tigas_common.files import check_room, storage_explained
-from tigas_render.local_files import locked
+from tigas_render.local_files import lock_directory
 from tigas_render.settings import RenderSettings
 
 FOLDER = ".uploads"
@@ -91,7 +91,7 @@ class Uploads:
             raise BodyTooLarge(f"The file has {_gb(length)}; this service accepts up to {_gb(self.limit)}.")
         with storage_explained(MODELS):
             self._root.mkdir(exist_ok=True)
-            with locked(self._root):
+            with lock_directory(self._root):
                 self.expire()
                 others = [
                     each for each in self._all() if not each.added and not self._idle(each.path.parent, STALLED_S)
@@ -144,9 +144,9 @@ class Uploads:
         """Note that the file is about to be moved, after which the upload counts as added. Raises OSError."""
         (self._folder(upload.id) / _ADDED).touch()
 
-    def locked(self, upload: Upload) -> AbstractContextManager[object]:
+    def lock(self, upload: Upload) -> AbstractContextManager[object]:
         """Prevent other processes from checking an upload, as a context manager. Raises OSError."""
-        return locked(self._folder(upload.id))
+        return lock_directory(self._folder(upload.id))
 
     def discard(self, id: str) -> None:
         """Discard an upload. Raises UnknownUpload."""

@@ -20,7 +20,7 @@ from tigas_render.admission.viewers import ViewerAdmission
 from tigas_render.pipe.client import PipeClient
 from tigas_render.pipe.engines import EnginePool
 from tigas_render.server.frame_route import PATH, HttpFrames, frames_app
-from tigas_render.server.public_servers import public_servers
+from tigas_render.server.public_servers import run_public_servers
 from tigas_render.transport.certificate import Certificate
 from tigas_render.transport.shared_port import Edge, EdgeCounts, PortShare, TicketStore
 from tigas_render.uploads.parts_route import PART, uploads_app
@@ -73,7 +73,7 @@ async def edge(channel: Channel, start: Start, news: AsyncIterator[Message]) -> 
         if isinstance(frames, EnginePool):
             rest = Aggregate(frames, dict(zip(start.devices, proxies, strict=True)), origins)
         renew = await stack.enter_async_context(
-            public_servers(
+            run_public_servers(
                 _by_path(posted, OriginCheck(uploads_app(settings), origins), rest),
                 frames,
                 admission,

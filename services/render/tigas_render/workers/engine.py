@@ -10,7 +10,7 @@ from tigas_common.loop_share import LoopShare
 from tigas_common.runner import serve_unix
 from tigas_render.pipe.server import PipeServer, serve_edges
 from tigas_render.server.app import create_app
-from tigas_render.server.main import announcement, opened, until_stopped_or_lost
+from tigas_render.server.main import announce, open_service, wait_until_stopped_or_lost
 from tigas_render.transport.certificate import Certificate
 from tigas_render.workers.control import (
     Channel,
@@ -33,12 +33,14 @@ async def engine(channel: Channel, start: Start, news: AsyncIterator[Message]) -
     """Render until the supervisor stops this process. Raises StartError, also if the device is lost."""
     assert isinstance(start, EngineStart)
     async with AsyncExitStack() as stack:
-        service = await stack.enter_async_context(opened(start.settings, lambda line: channel.send(Said(line=line))))
+        service = await stack.enter_async_context(
+            open_service(start.settings, lambda line: channel.send(Said(line=line)))
+        )
         service.quic_port, service.https_port = start.quic_port, start.https_port
 
         def on_message(message: Message) -> None:
             assert isinstance(message, NewCertificate)
-            service.show(Certificate.from_pem_with_key(message.pem))
+            service.set_certificate(Certificate.from_pem_with_key(message.pem))
 
         on_message(start.certificate)
         share = start.settings.http_limits.loop_share_per_address
@@ -51,8 +53,8 @@ async def engine(channel: Channel, start: Start, news: AsyncIterator[Message]) -
         )
         await _connected(pipes, start.edges)
         devices = start.devices if len(start.devices) > 1 else (service.device,)
-        channel.send(Ready(lines=tuple(announcement(service, start.http_port, devices))))
-        await until_stopped_or_lost(until_stopped_or_alone(news, on_message), service)
+        channel.send(Ready(lines=tuple(announce(service, start.http_port, devices))))
+        await wait_until_stopped_or_lost(until_stopped_or_alone(news, on_message), service)
 
 
 async def _connected(pipes: PipeServer, edges: int) -> None:

@@ -11,8 +11,8 @@ from pathlib import Path
 
 from tigas_common.resources import keep_together
 from tigas_common.runner import until_stopped
-from tigas_render.local_files import kept_key, locked_directory
-from tigas_render.server.certificates import CertificateKeeper
+from tigas_render.local_files import load_or_create_key, locked_directory
+from tigas_render.server.certificates import CertificateRenewer
 from tigas_render.server.public_sockets import PublicSockets
 from tigas_render.settings import RenderSettings
 from tigas_render.transport.certificate import Certificate
@@ -46,12 +46,12 @@ async def supervise(settings: RenderSettings, devices: tuple[str, ...], edges: i
     """
     keep_together()
     with (
-        PublicSockets.bound(settings, edges) as sockets,
+        PublicSockets.open(settings, edges) as sockets,
         open_counts_file(edges) as counts,
         locked_directory(Path(tempfile.gettempdir()), DIRECTORY) as directory,
     ):
-        async with CertificateKeeper.running(settings) as keeper:
-            await Supervisor(settings, devices, edges, sockets, counts, directory, keeper).run()
+        async with CertificateRenewer.run(settings) as renewer:
+            await Supervisor(settings, devices, edges, sockets, counts, directory, renewer).run()
 
 
 class Supervisor:
@@ -65,7 +65,7 @@ class Supervisor:
         sockets: PublicSockets,
         counts: int,
         directory: Path,
-        keeper: CertificateKeeper,
+        renewer: CertificateRenewer,
     ) -> None:
         """counts: from `open_counts_file`. directory: for the engines' sockets, private to the user."""
         self._settings = settings
@@ -74,7 +74,7 @@ class Supervisor:
         self._sockets = sockets
         self._counts = counts
         self._directory = directory
-        self._reset_key = kept_key(settings.cache / "stateless-reset.key")
+        self._reset_key = load_or_create_key(settings.cache / "stateless-reset.key")
         self._retry_key = os.urandom(RETRY_KEY_LENGTH)
         self._tickets = TicketStore()
         self._announcement: tuple[str, ...] = ()
@@ -84,10 +84,10 @@ class Supervisor:
         self._engines = [self._engine(number, edges) for number in range(len(devices))]
         for engine in self._engines:
             engine.others = [other for other in self._engines if other is not engine]
-        self._standby = Standby((*sockets.fds(), counts))
+        self._standby = Standby((*sockets.file_descriptors(), counts))
         self._edges = [self._edge(number, edges) for number in range(edges)]
-        self._show(keeper.certificate)
-        keeper.on_renewal(self._show)
+        self._show(renewer.certificate)
+        renewer.add_listener(self._show)
 
     async def run(self) -> None:
         """Keep all workers running until SIGINT or SIGTERM. Raises StartError."""
