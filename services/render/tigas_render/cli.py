@@ -36,10 +36,10 @@ class Render(RenderSettings, Command):
         log_to_stdout()
         logging.getLogger("quic").setLevel(logging.WARNING)  # aioquic logs every connection
         check_versions("aioquic", "uvicorn")
-        from tigas_render.workers.devices import devices_for, edges_for
+        from tigas_render.workers.devices import choose_devices, choose_edge_count
 
-        devices = devices_for(self)
-        number = edges_for(self, len(devices))
+        devices = choose_devices(self)
+        number = choose_edge_count(self, len(devices))
         if number == len(devices) == 1:
             from tigas_render.server.main import serve
 

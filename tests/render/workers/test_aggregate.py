@@ -17,7 +17,12 @@ from tigas_common.origins import OriginPolicy
 from tigas_common.wire.render import SceneInfo, Training
 from tigas_render.pipe.engines import EnginePool
 from tigas_render.workers import aggregate
-from tigas_render.workers.aggregate import MOST_CHANGES_PER_ADDRESS, MOST_PER_ADDRESS, Aggregate, EngineProxy
+from tigas_render.workers.aggregate import (
+    MAX_CHANGES_PER_ADDRESS,
+    MAX_REQUESTS_PER_ADDRESS,
+    EngineAggregator,
+    EngineProxy,
+)
 
 
 def info(id: str = "garden", **changes: Any) -> SceneInfo:
@@ -71,7 +76,7 @@ def test_scenes_that_only_one_engine_has_found_are_listed_too() -> None:
 def test_a_training_is_that_of_the_engine_that_knows_of_one(one: Any, other: Any, together: str) -> None:
     merged = aggregate.merge_training(bodies(Training(state=one), Training(state=other)))
     assert json.loads(merged)["state"] == together
-    assert aggregate.is_running(merged) == (together == "running")
+    assert aggregate.is_training(merged) == (together == "running")
 
 
 def test_metrics_of_engines_have_a_device_and_those_of_edges_are_there_once() -> None:
@@ -139,14 +144,14 @@ async def leave(visitors: Sequence[Visitor]) -> None:
 async def test_one_address_does_not_take_all_requests_and_one_that_leaves_frees_its_own(tmp_path: Path) -> None:
     engine = FakeEngine(tmp_path / "engine")
     async with engine.serving() as proxy:
-        first = [Visitor(proxy, "POST", "/scenes/garden/load") for _ in range(MOST_PER_ADDRESS)]
-        await eventually(lambda: engine.connections == MOST_PER_ADDRESS)
+        first = [Visitor(proxy, "POST", "/scenes/garden/load") for _ in range(MAX_REQUESTS_PER_ADDRESS)]
+        await eventually(lambda: engine.connections == MAX_REQUESTS_PER_ADDRESS)
         further = Visitor(proxy, "POST", "/scenes/garden/load")
         await further.asking
         assert further.status == 503
         assert aggregate.BUSY.encode() in further.got[1]["body"]
         other = Visitor(proxy, "POST", "/scenes/garden/load", "192.0.2.2")
-        await eventually(lambda: engine.connections == MOST_PER_ADDRESS + 1)
+        await eventually(lambda: engine.connections == MAX_REQUESTS_PER_ADDRESS + 1)
         await leave(first)
         assert [visitor.got for visitor in first] == [[]] * len(first)
         await eventually(lambda: engine.connections == 1)
@@ -161,12 +166,12 @@ async def test_a_change_reaches_all_engines_although_its_client_has_left(tmp_pat
     frames = EnginePool({engine.path.name: engine.path for engine in engines}, 0, lambda *_: None, lambda: 0.0)
     other.may_answer.set()
     async with one.serving() as first, other.serving() as second:
-        app = Aggregate(frames, {"one": first, "other": second}, OriginPolicy())
+        app = EngineAggregator(frames, {"one": first, "other": second}, OriginPolicy())
         visitor = Visitor(app, "DELETE", "/scenes/garden")
         await eventually(lambda: one.asked)
         await leave([visitor])
         one.may_answer.set()
-        await eventually(lambda: not app._changing._running)
+        await eventually(lambda: not app._change_limit._running)
     assert (one.asked, other.asked) == (["DELETE /scenes/garden", "GET /scenes?scan=1"], ["GET /scenes?scan=1"])
 
 
@@ -175,12 +180,12 @@ async def test_changes_whose_clients_have_left_do_not_take_all_connections(tmp_p
     engine = FakeEngine(tmp_path / "one")
     frames = EnginePool({"one": engine.path}, 0, lambda *_: None, lambda: 0.0)
     async with engine.serving() as proxy:
-        app = Aggregate(frames, {"one": proxy}, OriginPolicy())
+        app = EngineAggregator(frames, {"one": proxy}, OriginPolicy())
         for _ in range(3):
             visitors = [Visitor(app, "DELETE", "/scenes/garden") for _ in range(20)]
-            await asyncio.wait([visitor.asking for visitor in visitors[MOST_CHANGES_PER_ADDRESS:]])
+            await asyncio.wait([visitor.asking for visitor in visitors[MAX_CHANGES_PER_ADDRESS:]])
             await leave(visitors)
-        await eventually(lambda: engine.connections == MOST_CHANGES_PER_ADDRESS)
+        await eventually(lambda: engine.connections == MAX_CHANGES_PER_ADDRESS)
         engine.may_answer.set()
-        await eventually(lambda: not app._changing._running)
-        assert engine.asked.count("GET /scenes?scan=1") == MOST_CHANGES_PER_ADDRESS
+        await eventually(lambda: not app._change_limit._running)
+        assert engine.asked.count("GET /scenes?scan=1") == MAX_CHANGES_PER_ADDRESS

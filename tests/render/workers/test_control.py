@@ -14,7 +14,7 @@ pytestmark = pytest.mark.anyio
 
 async def test_a_message_that_its_sender_did_not_end_is_none() -> None:
     ours, theirs = socket.socketpair()
-    channel = await Channel.over(ours)
+    channel = await Channel.from_socket(ours)
     theirs.sendall(NewCertificate(pem=b"new").model_dump_json().encode() + b'\n{"kind": "ready", "li')
     theirs.close()
     async with asyncio.timeout(20):
@@ -23,7 +23,7 @@ async def test_a_message_that_its_sender_did_not_end_is_none() -> None:
 
 
 async def test_tickets_are_dropped_and_a_renewed_certificate_is_not() -> None:
-    ours, theirs = [await Channel.over(sock) for sock in socket.socketpair()]
+    ours, theirs = [await Channel.from_socket(sock) for sock in socket.socketpair()]
     ticket = TicketTaken(label=bytes(10_000))
     sent = 1000
     assert sent * len(ticket.label) > 2 * MAX_UNSENT

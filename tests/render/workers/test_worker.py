@@ -53,7 +53,7 @@ class Process:
 
 async def launched(says: Sequence[Message]) -> WorkerProcess:
     ours, theirs = socket.socketpair()
-    return WorkerProcess(cast(Any, Process(await Channel.over(theirs), says)), await Channel.over(ours))
+    return WorkerProcess(cast(Any, Process(await Channel.from_socket(theirs), says)), await Channel.from_socket(ours))
 
 
 async def refuse(*_: object, **__: object) -> None:
@@ -82,7 +82,7 @@ class Bench:
 
     async def killed(self, start: int) -> None:
         """Kill it once it works for the time with this number."""
-        await eventually(lambda: self.starts == start and self.worker._serves)
+        await eventually(lambda: self.starts == start and self.worker._is_serving)
         self.process.signal(signal.SIGKILL)
 
 
@@ -100,7 +100,7 @@ async def ended(benches: Sequence[Bench], tasks: Sequence[asyncio.Task[None]]) -
 @pytest.fixture(autouse=True)
 def short_pauses(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(BackOff, "FIRST_S", 0.001)
-    monkeypatch.setattr(worker_module, "RARE_S", 0.001)
+    monkeypatch.setattr(worker_module, "RETRY_S", 0.001)
     monkeypatch.setattr(worker_module, "STANDBY_PAUSE_S", 0.001)
 
 
@@ -110,7 +110,7 @@ async def test_one_that_cannot_be_forked_for_a_moment_is_started_again(capsys: p
     await eventually(bench.worker.ready.is_set)
     bench.refused = 2
     await bench.killed(1)
-    await eventually(lambda: bench.starts == 2 and bench.worker._serves)
+    await eventually(lambda: bench.starts == 2 and bench.worker._is_serving)
     await ended([bench], tasks)
     assert capsys.readouterr().err.splitlines() == [
         f"The edge 0 exited ({how}); restarting it." for how in ("exit status 1", NO_MEMORY, NO_MEMORY)
@@ -157,8 +157,8 @@ async def test_a_spare_edge_that_cannot_be_forked_is_started_again_and_does_not_
 
     monkeypatch.setattr(WorkerProcess, "start", start)
     standby = Standby(())
-    keeping = asyncio.create_task(standby.keep())
-    await eventually(lambda: standby._own is not None)
+    keeping = asyncio.create_task(standby.maintain())
+    await eventually(lambda: standby._task is not None)
     if is_ending:
         keeping.cancel()
         failing.set()
@@ -166,7 +166,7 @@ async def test_a_spare_edge_that_cannot_be_forked_is_started_again_and_does_not_
         failing.set()
         await eventually(lambda: not standby._loaded.empty())
         keeping.cancel()
-    await standby.end()
+    await standby.kill()
     assert starts == (1 if is_ending else 2)
 
 
@@ -195,7 +195,7 @@ async def test_one_that_is_lost_for_a_while_serves_again() -> None:
 async def test_one_that_ends_too_often_is_tried_again_while_another_serves(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(worker_module, "RARE_S", 15.0)
+    monkeypatch.setattr(worker_module, "RETRY_S", 15.0)
     benches = Bench("engine on a", (*WORKS, *FAILS)), Bench("engine on b", WORKS)
     tasks = together(*benches)
     for start in range(1, 6):

@@ -27,18 +27,18 @@ from tigas_common.wire.render import HostLoad, SceneInfo, Training
 from tigas_render.pipe.engines import EnginePool
 from tigas_render.pipe.remote_engine import RemoteEngine
 
-MOST, MOST_PER_ADDRESS = 256, 128
+MAX_REQUESTS, MAX_REQUESTS_PER_ADDRESS = 256, 128
 """Maximum number of requests to engines at a time, in total and per address. Each has a connection to an engine."""
-MOST_CHANGES, MOST_CHANGES_PER_ADDRESS = 32, 8
+MAX_CHANGES, MAX_CHANGES_PER_ADDRESS = 32, 8
 """Maximum number of concurrent changes of the models directory, which continue after their clients have left."""
 BUSY = "Too many requests are waiting for the renderer; try again in a few seconds."
 BUSY_RETRY_S = 2.0
-AWAY = "The renderer is starting; try again in a second."
+UNAVAILABLE = "The renderer is starting; try again in a second."
 RETRY_S = 1.0
-CANNOT = (422, 503)
+SCENE_REFUSALS = (422, 503)
 """Statuses with which an engine refuses a scene although another may accept it."""
 
-TRAININGS = ("running", "failed", "done", "idle")
+STATE_PRECEDENCE = ("running", "failed", "done", "idle")
 """States of a training in order of precedence, because only one engine knows the actual state."""
 _SCENES = TypeAdapter(list[SceneInfo])
 
@@ -53,20 +53,20 @@ class _EnginesApp(ABC):
     def __init__(self, origins: OriginPolicy) -> None:
         """origins: the pages that may read the application's own answers."""
         self._origins = origins
-        self._running = ConcurrencyLimit(MOST, MOST_PER_ADDRESS)
+        self._running = ConcurrencyLimit(MAX_REQUESTS, MAX_REQUESTS_PER_ADDRESS)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         try:
             with self._running.one_more(client_of(scope), Overloaded(BUSY, BUSY_RETRY_S)):
                 body = await read_body(Request(scope, receive), MAX_BODY)
-                answer = await unless(until_left(receive), self.ask(scope, body))
+                answer = await unless(until_left(receive), self.forward(scope, body))
                 if answer is not None:
                     await hand_back(answer, headers_of(answer), receive, send)
         except TigasError as error:
             await refuse(error, self._origins, scope, receive, send)
 
     @abstractmethod
-    async def ask(self, scope: Scope, body: bytes) -> httpx.Response:
+    async def forward(self, scope: Scope, body: bytes) -> httpx.Response:
         """Return the answer, which the caller must close. Raises Overloaded while there is no engine."""
 
 
@@ -76,67 +76,67 @@ class EngineProxy(_EnginesApp):
     def __init__(self, path: Path, origins: OriginPolicy) -> None:
         super().__init__(origins)
         self._transport = httpx.AsyncHTTPTransport(
-            uds=str(path), limits=httpx.Limits(max_connections=MOST, keepalive_expiry=2.0)
+            uds=str(path), limits=httpx.Limits(max_connections=MAX_REQUESTS, keepalive_expiry=2.0)
         )
 
     async def close(self) -> None:
         await self._transport.aclose()
 
-    async def ask(self, scope: Scope, body: bytes) -> httpx.Response:
+    async def forward(self, scope: Scope, body: bytes) -> httpx.Response:
         try:
             return await ask(self._transport, "http://engine/", scope, body)
         except httpx.TransportError as error:
-            raise Overloaded(AWAY, RETRY_S) from error
+            raise Overloaded(UNAVAILABLE, RETRY_S) from error
 
 
-class Aggregate(_EnginesApp):
+class EngineAggregator(_EnginesApp):
     """A proxy for several engines' applications, which returns one engine's answer or merges all answers."""
 
     def __init__(self, engines: EnginePool, proxies: Mapping[str, EngineProxy], origins: OriginPolicy) -> None:
         """proxies: by engine name."""
         super().__init__(origins)
-        self._changing = ConcurrencyLimit(MOST_CHANGES, MOST_CHANGES_PER_ADDRESS)
+        self._change_limit = ConcurrencyLimit(MAX_CHANGES, MAX_CHANGES_PER_ADDRESS)
         self._engines = engines
         self._proxies = proxies
 
-    async def ask(self, scope: Scope, body: bytes) -> httpx.Response:
+    async def forward(self, scope: Scope, body: bytes) -> httpx.Response:
         match scope["method"], scope["path"].split("/")[1:]:
             case "GET", ["healthz"]:
-                answers = list((await self._all(scope, body)).values())
+                answers = list((await self._ask_all(scope, body)).values())
                 healthy = next((each for each in answers if each.is_success), answers[0])
-                return _with_body(healthy, healthy.content)
+                return _replace_body(healthy, healthy.content)
             case "GET" | "HEAD", ["metrics"]:
-                return await self._merged(scope, body, lambda bodies: merge_metrics(bodies, self._engines.all))
+                return await self._ask_and_merge(scope, body, lambda bodies: merge_metrics(bodies, self._engines.all))
             case "GET" | "HEAD", ["api", "load"]:
-                return await self._merged(scope, body, merge_load)
+                return await self._ask_and_merge(scope, body, merge_load)
             case "GET" | "HEAD", ["scenes"]:
-                return await self._merged(scope, body, merge_scenes)
+                return await self._ask_and_merge(scope, body, merge_scenes)
             case "GET" | "HEAD", ["scenes", _]:
-                return await self._merged(scope, body, merge_scene)
+                return await self._ask_and_merge(scope, body, merge_scene)
             case "GET" | "HEAD", ["scenes", _, "enhance"]:
-                return await self._merged(scope, body, merge_training)
+                return await self._ask_and_merge(scope, body, merge_training)
             case "DELETE", ["scenes", _, "enhance"]:
-                return await self._merged(scope, body, merge_training, by_all=True)
+                return await self._ask_and_merge(scope, body, merge_training, by_all=True)
             case "POST", ["scenes", _, "unload"]:
-                return await self._merged(scope, body, merge_scene, by_all=True)
+                return await self._ask_and_merge(scope, body, merge_scene, by_all=True)
             case ("DELETE" | "PATCH", ["scenes", _]) | ("POST", ["scenes", _, "rename"] | ["uploads", _, "scene"]):
                 return await asyncio.shield(self._change(scope, body))  # continues if the client leaves
             case "POST", ["scenes", scene, "enhance"]:
-                return await self._first(await self._trainers(scope, scene), scope, body)
+                return await self._ask_in_order(await self._training_engines(scope, scene), scope, body)
             case _, ["scenes", scene, "load" | "preview"] | ["scenes", scene, "download", _]:
-                return await self._first(self._own(scene), scope, body, refusals=CANNOT)
+                return await self._ask_in_order(self._preferred_engines(scene), scope, body, refusals=SCENE_REFUSALS)
             case _:
-                return await self._first(self._reachable(), scope, body)
+                return await self._ask_in_order(self._reachable_engines(), scope, body)
 
-    def _reachable(self) -> Sequence[RemoteEngine]:
+    def _reachable_engines(self) -> Sequence[RemoteEngine]:
         """Return the engines that are up, or all if none seems to be, because one may just have started."""
         return self._engines.connected() or self._engines.all
 
-    def _own(self, scene: str) -> Sequence[RemoteEngine]:
+    def _preferred_engines(self, scene: str) -> Sequence[RemoteEngine]:
         """Return the engines that are up, or all, with the scene's own engines first."""
         return self._engines.by_preference(scene) or self._engines.all
 
-    async def _first(
+    async def _ask_in_order(
         self,
         engines: Sequence[RemoteEngine],
         scope: Scope,
@@ -157,42 +157,42 @@ class Aggregate(_EnginesApp):
                 return answer
             refused = answer
         if refused is None:
-            raise Overloaded(AWAY, RETRY_S)
+            raise Overloaded(UNAVAILABLE, RETRY_S)
         return refused
 
-    async def _all(self, scope: Scope, body: bytes) -> dict[str, httpx.Response]:
+    async def _ask_all(self, scope: Scope, body: bytes) -> dict[str, httpx.Response]:
         """Return the engines' answers by name. Raises Overloaded if no engine answers."""
-        engines = self._reachable()
+        engines = self._reachable_engines()
         answers = await asyncio.gather(*(self._ask(engine, scope, body, whole=True) for engine in engines))
         found = {engine.name: answer for engine, answer in zip(engines, answers, strict=True) if answer is not None}
         if not found:
-            raise Overloaded(AWAY, RETRY_S)
+            raise Overloaded(UNAVAILABLE, RETRY_S)
         return found
 
-    async def _merged(self, scope: Scope, body: bytes, merge: Merge, *, by_all: bool = False) -> httpx.Response:
+    async def _ask_and_merge(self, scope: Scope, body: bytes, merge: Merge, *, by_all: bool = False) -> httpx.Response:
         """Return the merged answer, or a refusal if all engines refuse. by_all: a single refusal is enough."""
         is_head = scope["method"] == "HEAD"  # answered with the headers of GET; the server omits the body
-        answers = await self._all({**scope, "method": "GET"} if is_head else scope, body)
+        answers = await self._ask_all({**scope, "method": "GET"} if is_head else scope, body)
         done = {name: answer for name, answer in answers.items() if answer.status_code == 200}
         refusals = [answer for answer in answers.values() if answer.status_code != 200]
         if refusals and (by_all or not done):
-            return _with_body(refusals[0], refusals[0].content)
+            return _replace_body(refusals[0], refusals[0].content)
         content = merge({name: answer.content for name, answer in done.items()})
-        return _with_body(next(iter(done.values())), content)
+        return _replace_body(next(iter(done.values())), content)
 
     async def _change(self, scope: Scope, body: bytes) -> httpx.Response:
         """Let one engine change the models directory, and then all engines scan it."""
-        with self._changing.one_more(client_of(scope), Overloaded(BUSY, BUSY_RETRY_S)):
-            answer = await self._first(self._reachable(), scope, body, whole=True)
+        with self._change_limit.one_more(client_of(scope), Overloaded(BUSY, BUSY_RETRY_S)):
+            answer = await self._ask_in_order(self._reachable_engines(), scope, body, whole=True)
             if answer.is_success:
-                await self._all({**scope, "method": "GET", "raw_path": b"/scenes", "query_string": b"scan=1"}, b"")
-            return _with_body(answer, answer.content)
+                await self._ask_all({**scope, "method": "GET", "raw_path": b"/scenes", "query_string": b"scan=1"}, b"")
+            return _replace_body(answer, answer.content)
 
-    async def _trainers(self, scope: Scope, scene: str) -> Sequence[RemoteEngine]:
+    async def _training_engines(self, scope: Scope, scene: str) -> Sequence[RemoteEngine]:
         """Return the engine that is already training a scene's networks, or else the scene's engines."""
-        engines = self._own(scene)
-        states = await self._all({**scope, "method": "GET"}, b"")
-        training = {name for name, each in states.items() if each.status_code == 200 and is_running(each.content)}
+        engines = self._preferred_engines(scene)
+        states = await self._ask_all({**scope, "method": "GET"}, b"")
+        training = {name for name, each in states.items() if each.status_code == 200 and is_training(each.content)}
         return [engine for engine in engines if engine.name in training] or engines
 
     async def _ask(
@@ -203,7 +203,7 @@ class Aggregate(_EnginesApp):
             scope = {**scope, "headers": [each for each in scope["headers"] if each[0] != b"accept-encoding"]}
 
         async def ask() -> httpx.Response:
-            answer = await self._proxies[engine.name].ask(scope, body)
+            answer = await self._proxies[engine.name].forward(scope, body)
             if whole:
                 await answer.aread()
                 await answer.aclose()
@@ -215,7 +215,7 @@ class Aggregate(_EnginesApp):
             return None
 
 
-def _with_body(answer: httpx.Response, content: bytes) -> httpx.Response:
+def _replace_body(answer: httpx.Response, content: bytes) -> httpx.Response:
     headers = [each for each in answer.headers.raw if each[0].lower() not in (b"content-length", b"transfer-encoding")]
     if answer.status_code != httpx.codes.NO_CONTENT:
         headers.append((b"content-length", str(len(content)).encode()))
@@ -232,10 +232,10 @@ def merge_scene(bodies: Bodies) -> bytes:
 
 def merge_training(bodies: Bodies) -> bytes:
     states = [Training.model_validate_json(body) for body in bodies.values()]
-    return min(states, key=lambda each: TRAININGS.index(each.state)).model_dump_json().encode()
+    return min(states, key=lambda each: STATE_PRECEDENCE.index(each.state)).model_dump_json().encode()
 
 
-def is_running(body: bytes) -> bool:
+def is_training(body: bytes) -> bool:
     return Training.model_validate_json(body).state == "running"
 
 

@@ -100,7 +100,7 @@ class Loaded(_Message):
     kind: Literal["loaded"] = "loaded"
 
 
-class Said(_Message):
+class PrintLine(_Message):
     """A line to print immediately."""
 
     kind: Literal["said"] = "said"
@@ -123,7 +123,7 @@ class Failed(_Message):
 
 
 Start = EngineStart | EdgeStart
-Message = Start | NewCertificate | TicketIssued | TicketTaken | Loaded | Said | Ready | Failed
+Message = Start | NewCertificate | TicketIssued | TicketTaken | Loaded | PrintLine | Ready | Failed
 _MESSAGE: TypeAdapter[Message] = TypeAdapter(Annotated[Message, Field(discriminator="kind")])
 
 
@@ -135,7 +135,7 @@ class Channel:
         self._writer = writer
 
     @classmethod
-    async def over(cls, sock: socket.socket) -> Channel:
+    async def from_socket(cls, sock: socket.socket) -> Channel:
         """Create a channel over a socket, which it owns from now on."""
         return cls(*await asyncio.open_unix_connection(sock=sock, limit=MAX_LINE))
 
@@ -155,7 +155,7 @@ class Channel:
             pass
 
     @property
-    def is_over(self) -> bool:
+    def is_closed(self) -> bool:
         """Whether the other side has exited."""
         return self._reader.at_eof()
 

@@ -16,16 +16,16 @@ from tigas_render.transport.shared_port import attach_steering
 DEV = Path("/dev")
 COUNT_GPUS = "from cuda.bindings import driver; driver.cuInit(0); print(driver.cuDeviceGetCount()[1] or 0)"
 """Counts the GPUs in a separate process, because the driver stays loaded, and without PyTorch, which loads slowly."""
-COUNT = (sys.executable, "-P", "-c", COUNT_GPUS)
-COUNT_S = 30.0
+COUNT_COMMAND = (sys.executable, "-P", "-c", COUNT_GPUS)
+COUNT_TIMEOUT_S = 30.0
 """Seconds for the driver to answer; if it takes longer, it would not answer an engine either."""
 MIN_CORES = 8
 """Minimum number of cores for several edges. With fewer, or without a GPU, edges would slow down the renderer."""
-MAX_AUTO = 8
+MAX_EDGES_PER_DEVICE = 8
 """Maximum number of edges per device if the settings do not give one."""
 
 
-def devices_for(settings: RenderSettings) -> tuple[str, ...]:
+def choose_devices(settings: RenderSettings) -> tuple[str, ...]:
     """Return the devices to use, which are all GPUs for `cuda`, and for `auto` with several GPUs. Raises StartError."""
     devices = tuple(settings.device.split(","))
     if settings.device in ("auto", "cuda") and (gpus := _visible_gpus()) > 1:
@@ -38,25 +38,25 @@ def devices_for(settings: RenderSettings) -> tuple[str, ...]:
     return devices
 
 
-def names(devices: tuple[str, ...]) -> tuple[str, ...]:
+def device_names(devices: tuple[str, ...]) -> tuple[str, ...]:
     """Return a unique name for each device."""
     times = Counter(devices)
     return tuple(f"{device}#{number}" if times[device] > 1 else device for number, device in enumerate(devices))
 
 
-def edges_for(settings: RenderSettings, devices: int) -> int:
+def choose_edge_count(settings: RenderSettings, devices: int) -> int:
     """Return the number of edges in the settings, or one that suits this machine. Raises StartError off Linux."""
     if settings.edges is not None:
         if settings.edges > 1 and sys.platform != "linux":
             raise StartError("Several edges need Linux; start the service with --edges 1.")
         return settings.edges
     gpu = settings.device != "cpu" and (settings.device != "auto" or has_gpu())
-    return suitable(usable_processors() if can_share_port() else 1, gpu, devices)
+    return suggest_edge_count(usable_processors() if can_share_port() else 1, gpu, devices)
 
 
-def suitable(cores: int, gpu: bool, devices: int) -> int:
+def suggest_edge_count(cores: int, gpu: bool, devices: int) -> int:
     """Return a number of edges, three eighths of the cores: an engine needs two or three of 16 (docs/deploy.md)."""
-    return min(cores * 3 // 8, MAX_AUTO * devices) if gpu and cores >= MIN_CORES else 1
+    return min(cores * 3 // 8, MAX_EDGES_PER_DEVICE * devices) if gpu and cores >= MIN_CORES else 1
 
 
 def can_share_port() -> bool:
@@ -70,18 +70,18 @@ def can_share_port() -> bool:
 
 def has_gpu() -> bool:
     """Whether NVIDIA's driver has found a GPU, on Linux or in WSL."""
-    return bool(_nodes()) or (DEV / "dxg").exists()
+    return bool(_device_files()) or (DEV / "dxg").exists()
 
 
-def _nodes() -> list[Path]:
+def _device_files() -> list[Path]:
     return list(DEV.glob("nvidia[0-9]*"))
 
 
 def _visible_gpus() -> int:
     """Count the GPUs visible to CUDA, in a separate process, and only if there may be several."""
-    if sys.platform != "linux" or (len(_nodes()) < 2 and not (DEV / "dxg").exists()):
-        return len(_nodes())
+    if sys.platform != "linux" or (len(_device_files()) < 2 and not (DEV / "dxg").exists()):
+        return len(_device_files())
     try:
-        return int(subprocess.run(COUNT, capture_output=True, check=True, timeout=COUNT_S).stdout)
+        return int(subprocess.run(COUNT_COMMAND, capture_output=True, check=True, timeout=COUNT_TIMEOUT_S).stdout)
     except (subprocess.SubprocessError, ValueError):
         return 1  # its engine reports the error

@@ -24,7 +24,7 @@ from tigas_render.server.public_servers import run_public_servers
 from tigas_render.transport.certificate import Certificate
 from tigas_render.transport.shared_port import Edge, EdgeCounts, PortShare, TicketStore
 from tigas_render.uploads.parts_route import PART, uploads_app
-from tigas_render.workers.aggregate import Aggregate, EngineProxy
+from tigas_render.workers.aggregate import EngineAggregator, EngineProxy
 from tigas_render.workers.control import (
     Channel,
     EdgeStart,
@@ -37,13 +37,13 @@ from tigas_render.workers.control import (
     frames_socket,
     http_socket,
 )
-from tigas_render.workers.process import run, until_stopped_or_alone
+from tigas_render.workers.process import listen_until_stopped, run_worker
 
-TELL_TICKS = 10
+REPORT_TICKS = 10
 """Number of load measurements between two reports to the engines, which are a second apart."""
 
 
-async def edge(channel: Channel, start: Start, news: AsyncIterator[Message]) -> None:
+async def run_edge(channel: Channel, start: Start, messages: AsyncIterator[Message]) -> None:
     """Serve clients until the supervisor stops this process."""
     keep_together()
     assert isinstance(start, EdgeStart)
@@ -62,43 +62,43 @@ async def edge(channel: Channel, start: Start, news: AsyncIterator[Message]) -> 
                 raise AssertionError(f"An edge does not receive {message.kind} messages.")
 
     async with AsyncExitStack() as stack:
-        frames = _frames(start, admission.load)
+        frames = _connect_engines(start, admission.load)
         await stack.enter_async_context(frames)
-        await stack.enter_async_context(admission.monitor(_every(TELL_TICKS, frames)))
+        await stack.enter_async_context(admission.monitor(_report_every(REPORT_TICKS, frames)))
         proxies = [EngineProxy(http_socket(start.directory, number), origins) for number in range(len(start.devices))]
         for proxy in proxies:
             stack.push_async_callback(proxy.close)
-        posted = OriginCheck(frames_app(HttpFrames(frames, admission.http_viewers, admission.rate)), origins)
+        frame_app = OriginCheck(frames_app(HttpFrames(frames, admission.http_viewers, admission.rate)), origins)
         rest: ASGIApp = proxies[0]
         if isinstance(frames, EnginePool):
-            rest = Aggregate(frames, dict(zip(start.devices, proxies, strict=True)), origins)
+            rest = EngineAggregator(frames, dict(zip(start.devices, proxies, strict=True)), origins)
         renew = await stack.enter_async_context(
             run_public_servers(
-                _by_path(posted, OriginCheck(uploads_app(settings), origins), rest),
+                _route_by_path(frame_app, OriginCheck(uploads_app(settings), origins), rest),
                 frames,
                 admission,
                 settings,
                 origins,
                 certificate=Certificate.from_pem_with_key(start.certificate.pem),
                 reset_key=start.reset_key,
-                http=_inherited(start.http),
-                https=None if start.https is None else _inherited(start.https),
-                quic=_share(start, tickets) if start.quic else None,
+                http=_inherited_socket(start.http),
+                https=None if start.https is None else _inherited_socket(start.https),
+                quic=_port_share(start, tickets) if start.quic else None,
                 edges=start.edges,
             )
         )
         channel.send(Ready())
-        await until_stopped_or_alone(news, on_message)
+        await listen_until_stopped(messages, on_message)
 
 
-def _frames(start: EdgeStart, load: Load) -> PipeClient | EnginePool:
+def _connect_engines(start: EdgeStart, load: Load) -> PipeClient | EnginePool:
     if len(start.devices) == 1:
         return PipeClient(frames_socket(start.directory, 0), start.number, load.record_engine)
     sockets = {device: frames_socket(start.directory, number) for number, device in enumerate(start.devices)}
     return EnginePool(sockets, start.number, load.record_engine, time.monotonic)
 
 
-def _every(ticks: int, engines: PipeClient | EnginePool) -> Callable[[LoadState], None]:
+def _report_every(ticks: int, engines: PipeClient | EnginePool) -> Callable[[LoadState], None]:
     """Return a callback that reports every `ticks`-th load state to the engines, which publish it."""
     measurements = itertools.count()
 
@@ -109,7 +109,7 @@ def _every(ticks: int, engines: PipeClient | EnginePool) -> Callable[[LoadState]
     return report
 
 
-def _by_path(frames: ASGIApp, parts: ASGIApp, rest: ASGIApp) -> ASGIApp:
+def _route_by_path(frames: ASGIApp, parts: ASGIApp, rest: ASGIApp) -> ASGIApp:
     """Combine applications: frames and parts of uploads are served in this process, everything else by an engine."""
 
     async def app(scope: Scope, receive: Receive, send: Send) -> None:
@@ -119,13 +119,13 @@ def _by_path(frames: ASGIApp, parts: ASGIApp, rest: ASGIApp) -> ASGIApp:
     return app
 
 
-def _share(start: EdgeStart, tickets: SharedTickets) -> PortShare:
-    of = Edge(start.number, start.edges)
-    sockets = tuple(map(_inherited, start.quic))
-    return PortShare(of, sockets, start.retry_key, tickets, EdgeCounts(start.counts, start.number, start.edges))
+def _port_share(start: EdgeStart, tickets: SharedTickets) -> PortShare:
+    edge = Edge(start.number, start.edges)
+    sockets = tuple(map(_inherited_socket, start.quic))
+    return PortShare(edge, sockets, start.retry_key, tickets, EdgeCounts(start.counts, start.number, start.edges))
 
 
-def _inherited(fd: int) -> socket.socket:
+def _inherited_socket(fd: int) -> socket.socket:
     return socket.socket(fileno=fd)
 
 
@@ -160,4 +160,4 @@ class SharedTickets(TicketStore):
 
 
 if __name__ == "__main__":
-    run(edge)
+    run_worker(run_edge)

@@ -17,24 +17,24 @@ from tigas_render.workers.control import (
     EngineStart,
     Message,
     NewCertificate,
+    PrintLine,
     Ready,
-    Said,
     Start,
     frames_socket,
     http_socket,
 )
-from tigas_render.workers.process import run, until_stopped_or_alone
+from tigas_render.workers.process import listen_until_stopped, run_worker
 
-CONNECTED_S = 1.0
+CONNECT_TIMEOUT_S = 1.0
 """Seconds to wait for edges to connect, which they try ten times per second."""
 
 
-async def engine(channel: Channel, start: Start, news: AsyncIterator[Message]) -> None:
+async def run_engine(channel: Channel, start: Start, messages: AsyncIterator[Message]) -> None:
     """Render until the supervisor stops this process. Raises StartError, also if the device is lost."""
     assert isinstance(start, EngineStart)
     async with AsyncExitStack() as stack:
         service = await stack.enter_async_context(
-            open_service(start.settings, lambda line: channel.send(Said(line=line)))
+            open_service(start.settings, lambda line: channel.send(PrintLine(line=line)))
         )
         service.quic_port, service.https_port = start.quic_port, start.https_port
 
@@ -51,19 +51,19 @@ async def engine(channel: Channel, start: Start, news: AsyncIterator[Message]) -
                 frames_socket(start.directory, start.number), service, service.engine.state, service.loads.update
             )
         )
-        await _connected(pipes, start.edges)
+        await _wait_for_edges(pipes, start.edges)
         devices = start.devices if len(start.devices) > 1 else (service.device,)
         channel.send(Ready(lines=tuple(announce(service, start.http_port, devices))))
-        await wait_until_stopped_or_lost(until_stopped_or_alone(news, on_message), service)
+        await wait_until_stopped_or_lost(listen_until_stopped(messages, on_message), service)
 
 
-async def _connected(pipes: PipeServer, edges: int) -> None:
+async def _wait_for_edges(pipes: PipeServer, edges: int) -> None:
     """Wait until the edges have connected, so that this engine gets its share of the first requests."""
     with suppress(TimeoutError):
-        async with asyncio.timeout(CONNECTED_S):
+        async with asyncio.timeout(CONNECT_TIMEOUT_S):
             while len(pipes.edges) < edges:  # noqa: ASYNC110 - only briefly at the start
                 await asyncio.sleep(0.01)
 
 
 if __name__ == "__main__":
-    run(engine)
+    run_worker(run_engine)

@@ -22,31 +22,31 @@ Program = Callable[[Channel, Start, AsyncIterator[Message]], Awaitable[None]]
 """A worker's program, called with the channel, its first message, and the messages after that."""
 
 
-def call_it(name: str) -> None:
+def set_process_name(name: str) -> None:
     """Set the name of this process in ps and top, which has at most 15 bytes."""
     Path("/proc/self/comm").write_text(name)
 
 
-def run(program: Program) -> None:
+def run_worker(program: Program) -> None:
     """Run a worker's program and exit, reporting a StartError to the supervisor."""
     ServiceSettings.are_given = True
     log_to_stdout()
     logging.getLogger("quic").setLevel(logging.WARNING)  # aioquic logs every connection
-    sys.exit(uvloop.run(_run(program)))
+    sys.exit(uvloop.run(_run_program(program)))
 
 
-async def _run(program: Program) -> int:
-    channel = await Channel.over(socket.socket(fileno=int(sys.argv[1])))
+async def _run_program(program: Program) -> int:
+    channel = await Channel.from_socket(socket.socket(fileno=int(sys.argv[1])))
     channel.send(Loaded())
     try:
-        news = aiter(channel)
-        match await anext(news, None):
+        messages = aiter(channel)
+        match await anext(messages, None):
             case EngineStart() | EdgeStart() as start:
-                call_it(start.name)
+                set_process_name(start.name)
                 try:
-                    await program(channel, start, news)
+                    await program(channel, start, messages)
                 finally:
-                    if channel.is_over:  # the supervisor was killed, and cannot remove the directory
+                    if channel.is_closed:  # the supervisor was killed, and cannot remove the directory
                         shutil.rmtree(start.directory, ignore_errors=True)
     except StartError as error:
         channel.send(Failed(detail=str(error)))
@@ -57,11 +57,11 @@ async def _run(program: Program) -> int:
         await channel.close()
 
 
-async def until_stopped_or_alone(news: AsyncIterator[Message], on_message: Callable[[Message], None]) -> None:
+async def listen_until_stopped(messages: AsyncIterator[Message], on_message: Callable[[Message], None]) -> None:
     """Handle the supervisor's messages until it exits, or this process gets SIGINT or SIGTERM."""
 
     async def listen() -> None:
-        async for message in news:
+        async for message in messages:
             on_message(message)
 
     await unless(until_stopped(), listen())

@@ -22,8 +22,8 @@ if __name__ == "__main__":
     loading = threading.Thread(target=_load)
     loading.start()
     loading.join()
-    from tigas_render.workers.edge import edge
-    from tigas_render.workers.process import call_it, run
+    from tigas_render.workers.edge import run_edge
+    from tigas_render.workers.process import run_worker, set_process_name
 
-    call_it("spare edge")
-    run(edge)
+    set_process_name("spare edge")
+    run_worker(run_edge)

@@ -23,19 +23,19 @@ from tigas_render.workers.control import (
     EngineStart,
     Message,
     NewCertificate,
+    PrintLine,
     Ready,
-    Said,
     TicketIssued,
     TicketTaken,
 )
-from tigas_render.workers.devices import names
+from tigas_render.workers.devices import device_names
 from tigas_render.workers.worker import Standby, Worker, WorkerProcess
 
-DIRECTORY = "tigas-render-"
+DIRECTORY_PREFIX = "tigas-render-"
 """Prefix of the directory with the engines' sockets."""
-EDGES_STOP_S = 1.2
+EDGE_STOP_TIMEOUT_S = 1.2
 """Seconds for the edges to answer running requests, while the engines keep working."""
-STOP_S = 1.7
+STOP_TIMEOUT_S = 1.7
 """Seconds for all workers to exit."""
 
 
@@ -48,7 +48,7 @@ async def supervise(settings: RenderSettings, devices: tuple[str, ...], edges: i
     with (
         PublicSockets.open(settings, edges) as sockets,
         open_counts_file(edges) as counts,
-        locked_directory(Path(tempfile.gettempdir()), DIRECTORY) as directory,
+        locked_directory(Path(tempfile.gettempdir()), DIRECTORY_PREFIX) as directory,
     ):
         async with CertificateRenewer.run(settings) as renewer:
             await Supervisor(settings, devices, edges, sockets, counts, directory, renewer).run()
@@ -70,7 +70,7 @@ class Supervisor:
         """counts: from `open_counts_file`. directory: for the engines' sockets, private to the user."""
         self._settings = settings
         self._devices = devices
-        self._names = names(devices)
+        self._names = device_names(devices)
         self._sockets = sockets
         self._counts = counts
         self._directory = directory
@@ -79,38 +79,38 @@ class Supervisor:
         self._tickets = TicketStore()
         self._announcement: tuple[str, ...] = ()
         """An engine's announcement, to be printed once all workers are serving."""
-        self._said: set[str] = set()
+        self._printed: set[str] = set()
         """Lines that have been printed, so that other engines, or a restarted one, do not repeat them."""
-        self._engines = [self._engine(number, edges) for number in range(len(devices))]
+        self._engines = [self._create_engine(number, edges) for number in range(len(devices))]
         for engine in self._engines:
             engine.others = [other for other in self._engines if other is not engine]
         self._standby = Standby((*sockets.file_descriptors(), counts))
-        self._edges = [self._edge(number, edges) for number in range(edges)]
-        self._show(renewer.certificate)
-        renewer.add_listener(self._show)
+        self._edges = [self._create_edge(number, edges) for number in range(edges)]
+        self._distribute_certificate(renewer.certificate)
+        renewer.add_listener(self._distribute_certificate)
 
     async def run(self) -> None:
         """Keep all workers running until SIGINT or SIGTERM. Raises StartError."""
         workers = (*self._engines, *self._edges)
         stopped = asyncio.create_task(until_stopped())
         ready = asyncio.create_task(self._announce())
-        kept = [asyncio.create_task(worker.keep()) for worker in workers]
+        supervising = [asyncio.create_task(worker.keep()) for worker in workers]
         try:
-            await asyncio.wait((stopped, *kept), return_when=asyncio.FIRST_COMPLETED)
+            await asyncio.wait((stopped, *supervising), return_when=asyncio.FIRST_COMPLETED)
         finally:
             stopped.cancel()
             ready.cancel()
             await asyncio.gather(ready, return_exceptions=True)
-            await self._end()
-        for task in kept:
+            await self._stop_workers()
+        for task in supervising:
             task.result()
 
-    async def _end(self) -> None:
+    async def _stop_workers(self) -> None:
         """Stop the workers, edges first, so that running requests are still answered."""
         began = time.monotonic()
-        await self._standby.end()
-        await asyncio.gather(*(edge.end(EDGES_STOP_S) for edge in self._edges))
-        patience_s = began + STOP_S - time.monotonic()
+        await self._standby.kill()
+        await asyncio.gather(*(edge.end(EDGE_STOP_TIMEOUT_S) for edge in self._edges))
+        patience_s = began + STOP_TIMEOUT_S - time.monotonic()
         await asyncio.gather(*(engine.end(patience_s) for engine in self._engines))
 
     async def _announce(self) -> None:
@@ -125,19 +125,19 @@ class Supervisor:
         if missing:
             print(f"Started without the {', the '.join(missing)}.", flush=True)
         print("\n".join(self._announcement), flush=True)
-        await self._standby.keep()
+        await self._standby.maintain()
 
-    def _show(self, certificate: Certificate) -> None:
+    def _distribute_certificate(self, certificate: Certificate) -> None:
         """Distribute a certificate, to edges first, because engines announce it to clients."""
         self._certificate = NewCertificate(pem=certificate.pem_with_key)
         for worker in (*self._edges, *self._engines):
             worker.send(self._certificate)
 
-    def _engine(self, number: int, edges: int) -> Worker:
+    def _create_engine(self, number: int, edges: int) -> Worker:
         is_alone = len(self._devices) == 1
         sockets = self._sockets
 
-        def begin() -> Sequence[Message]:
+        def first_messages() -> Sequence[Message]:
             start = EngineStart(
                 name="engine" if is_alone else f"engine {number}",
                 settings=self._settings.model_copy(update={"device": self._devices[number]}),
@@ -155,13 +155,14 @@ class Supervisor:
         async def launch() -> WorkerProcess:
             return await WorkerProcess.start("engine", ())
 
-        return Worker("engine" if is_alone else f"engine on {self._names[number]}", launch, begin, self._on_message)
+        name = "engine" if is_alone else f"engine on {self._names[number]}"
+        return Worker(name, launch, first_messages, self._on_message)
 
-    def _edge(self, number: int, edges: int) -> Worker:
+    def _create_edge(self, number: int, edges: int) -> Worker:
         name = f"edge {number}"
         public = self._sockets
 
-        def begin() -> Sequence[Message]:
+        def first_messages() -> Sequence[Message]:
             start = EdgeStart(
                 name=name,
                 settings=self._settings,
@@ -179,7 +180,7 @@ class Supervisor:
             )
             return (start, *(TicketIssued(ticket=ticket) for ticket in self._tickets))
 
-        return Worker(name, self._standby.take, begin, self._on_message)
+        return Worker(name, self._standby.acquire, first_messages, self._on_message)
 
     def _on_message(self, sender: Worker, message: Message) -> None:
         match message:
@@ -190,9 +191,9 @@ class Supervisor:
             case Ready():
                 self._announcement = message.lines or self._announcement
                 return
-            case Said():
-                if message.line not in self._said:
-                    self._said.add(message.line)
+            case PrintLine():
+                if message.line not in self._printed:
+                    self._printed.add(message.line)
                     print(message.line, flush=True)
                 return
             case _:

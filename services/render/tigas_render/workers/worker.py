@@ -19,7 +19,7 @@ from tigas_render.workers.control import Channel, Failed, Loaded, Message, Ready
 
 logger = logging.getLogger(__name__)
 
-RARE_S, RAREST_S = 15.0, 900.0
+RETRY_S, MAX_RETRY_S = 15.0, 900.0
 """First and longest delay before restarting a failing worker while others replace it; it doubles each time."""
 STANDBY_PAUSE_S = 2.0
 """Seconds between the use of a standby and the start of the next one, because returning viewers have priority."""
@@ -44,7 +44,7 @@ class WorkerProcess:
                     pass_fds=(theirs.fileno(), *inherited),
                     start_new_session=True,  # Ctrl+C is only for the supervisor, which then stops its workers
                 )
-            return cls(process, await Channel.over(ours))
+            return cls(process, await Channel.from_socket(ours))
         except BaseException:
             ours.close()
             raise
@@ -62,10 +62,10 @@ class Worker(Supervised):
         self,
         name: str,
         launch: Callable[[], Awaitable[WorkerProcess]],
-        begin: Callable[[], Sequence[Message]],
+        first_messages: Callable[[], Sequence[Message]],
         on_message: Callable[[Worker, Message], None],
     ) -> None:
-        """name: in messages. launch: starts a new process. begin: returns the first messages to it, beginning with a
+        """name: in messages. launch: starts a new process. first_messages: returns those to it, beginning with a
         `Start`. on_message: called with the messages from it.
         """
         super().__init__(name)
@@ -76,17 +76,17 @@ class Worker(Supervised):
         self.others: Sequence[Worker] = ()
         """The workers that can replace this one."""
         self._launch = launch
-        self._begin = begin
+        self._first_messages = first_messages
         self._on_message = on_message
-        self._launched: WorkerProcess | None = None
+        self._running: WorkerProcess | None = None
         self._served_since: float | None = None
         self._failure: str | None = None
-        self._rare_s: float | None = None
+        self._retry_s: float | None = None
 
     def send(self, message: Message) -> None:
         """Send a message. If the worker is not running, the message is dropped: `begin` must return its content."""
-        if self._launched is not None:
-            self._launched.channel.send(message)
+        if self._running is not None:
+            self._running.channel.send(message)
 
     async def keep(self) -> None:
         """Run it until `end`. Raises StartError if it fails to start or exits too often, and no other replaces it."""
@@ -99,14 +99,14 @@ class Worker(Supervised):
         self._served_since = self._failure = None
         self.settled.clear()
         try:
-            launched = self._launched = await self._launch()
+            launched = self._running = await self._launch()
         except OSError as error:
             self.settled.set()
             return error
         if self._stopping.is_set():
             self._signal(signal.SIGTERM)
         try:
-            for message in self._begin():
+            for message in self._first_messages():
                 launched.channel.send(message)
             async for message in launched.channel:
                 match message:
@@ -122,45 +122,45 @@ class Worker(Supervised):
                 self._on_message(self, message)
             return await launched.process.wait()
         finally:
-            self._launched = None
+            self._running = None
             self.settled.set()
             await launched.channel.close()
 
     async def _pause(self, status: int | OSError, delay_s: float | None) -> float:
         if self._served_s() > BackOff.WINDOW_S:
-            self._rare_s = None
-        if self._rare_s is None and self.ready.is_set() and delay_s is not None:
+            self._retry_s = None
+        if self._retry_s is None and self.ready.is_set() and delay_s is not None:
             why = f" {self._failure}" if self._failure else ""
             _warn(f"The {self.name} exited ({how_it_ended(status)}); restarting it.{why}")
             return 0.0 if delay_s == BackOff.FIRST_S else delay_s  # at once the first time, because viewers are waiting
-        if not await self._are_others_up():
-            raise StartError(self._why(status))
-        self._rare_s = RARE_S if self._rare_s is None else min(2 * self._rare_s, RAREST_S)
-        _warn(f"{self._why(status)} It is restarted in {self._rare_s:g} s; others replace it until then.")
-        return self._rare_s
+        if not await self._is_replaced():
+            raise StartError(self._failure_message(status))
+        self._retry_s = RETRY_S if self._retry_s is None else min(2 * self._retry_s, MAX_RETRY_S)
+        _warn(f"{self._failure_message(status)} It is restarted in {self._retry_s:g} s; others replace it until then.")
+        return self._retry_s
 
     def _signal(self, number: signal.Signals) -> None:
-        if self._launched is not None:
-            self._launched.signal(number)
+        if self._running is not None:
+            self._running.signal(number)
 
     @property
-    def _serves(self) -> bool:
-        return self._launched is not None and self._served_since is not None
+    def _is_serving(self) -> bool:
+        return self._running is not None and self._served_since is not None
 
     def _served_s(self) -> float:
         """Return the seconds for which the worker has been serving, or had been before it exited."""
         return 0.0 if self._served_since is None else time.monotonic() - self._served_since
 
-    async def _are_others_up(self) -> bool:
+    async def _is_replaced(self) -> bool:
         """Return whether another worker replaces this one. Waits while others are still starting."""
-        while not any(other._serves for other in self.others):
+        while not any(other._is_serving for other in self.others):
             starting = [other for other in self.others if not other.settled.is_set()]
             if not starting:
                 return False
             await starting[0].settled.wait()
         return True
 
-    def _why(self, status: int | OSError) -> str:
+    def _failure_message(self, status: int | OSError) -> str:
         """Explain why the worker is not simply restarted."""
         if not self.ready.is_set():
             if self._failure is None:
@@ -179,30 +179,30 @@ class Standby:
     def __init__(self, inherited: Sequence[int]) -> None:
         """inherited: the file descriptors of all edges."""
         self._inherited = inherited
-        self._own: asyncio.Task[WorkerProcess] | None = None
+        self._task: asyncio.Task[WorkerProcess] | None = None
         """The standby process, until it is used."""
         self._loaded: asyncio.Queue[WorkerProcess] = asyncio.Queue()
         """The standby process, once it is waiting for its first message."""
 
-    async def take(self) -> WorkerProcess:
+    async def acquire(self) -> WorkerProcess:
         """Return a process for an edge: the standby, or a new one."""
         if not self._loaded.empty():
             waiting = self._loaded.get_nowait()
             self._loaded.task_done()
-            self._own = None
+            self._task = None
             if waiting.process.returncode is None:
                 return waiting
             await waiting.channel.close()
         return await WorkerProcess.start("edge", self._inherited)
 
-    async def keep(self) -> None:
-        """Keep a standby until cancelled. Call `end` after that."""
+    async def maintain(self) -> None:
+        """Keep a standby until cancelled. Call `kill` after that."""
         while True:
-            self._own = asyncio.create_task(WorkerProcess.start("standby_edge", self._inherited))
+            self._task = asyncio.create_task(WorkerProcess.start("standby_edge", self._inherited))
             try:
-                launched = await asyncio.shield(self._own)
+                launched = await asyncio.shield(self._task)
             except OSError as error:  # for example, a lack of memory for a fork
-                self._own = None
+                self._task = None
                 logger.warning("No spare edge could be started: %s", error)
             else:
                 if await anext(aiter(launched.channel), None) is not None:  # the message `Loaded`
@@ -212,12 +212,12 @@ class Standby:
                     await launched.channel.close()
             await asyncio.sleep(STANDBY_PAUSE_S)
 
-    async def end(self) -> None:
+    async def kill(self) -> None:
         """Kill the standby, which has no work to finish."""
-        if self._own is None:
+        if self._task is None:
             return
         with suppress(OSError):  # it was about to start, but failed
-            launched = await self._own
+            launched = await self._task
             launched.signal(signal.SIGKILL)
             await launched.process.wait()
             await launched.channel.close()
