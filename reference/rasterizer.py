@@ -58,7 +58,7 @@ class ReferenceRasterizer(Rasterizer):
 
     def pack(self, scene: Batches) -> ReferenceScene:
         """Keep the scene unchanged."""
-        return ReferenceScene(scene.gathered())
+        return ReferenceScene(scene.read_all())
 
     def render(
         self,

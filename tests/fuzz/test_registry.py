@@ -56,20 +56,20 @@ class RegistryMachine(RuleBasedStateMachine):
     def scan(self) -> None:
         self.runner.run(self.registry.scan())
         folders = {path.name for path in self.folder.iterdir() if path.is_dir()}
-        assert {info.id for info in self.registry.infos()} == folders
+        assert {info.id for info in self.registry.scene_infos()} == folders
 
     @rule(id=ids)
     def load(self, id: str) -> None:
-        known = {info.id for info in self.registry.infos()}
+        known = {info.id for info in self.registry.scene_infos()}
         try:
             self.runner.run(self.registry.load(id))
         except UnknownScene:
-            now = {info.id for info in self.registry.infos()}
+            now = {info.id for info in self.registry.scene_infos()}
             assert id not in known or id not in now
         except (BrokenScene, Overloaded) as error:
             assert_sentence(error.detail)
         else:
-            assert self.registry.info(id).state == "loaded"
+            assert self.registry.scene_info(id).state == "loaded"
 
     @rule(id=ids)
     def unload(self, id: str) -> None:
@@ -105,7 +105,7 @@ class RegistryMachine(RuleBasedStateMachine):
 
     @invariant()
     def what_is_told_holds(self) -> None:
-        infos = self.registry.infos()
+        infos = self.registry.scene_infos()
         assert [info.id for info in infos] == sorted(info.id for info in infos)
         for info in infos:
             assert (info.memory_bytes > 0) == (info.state == "loaded")

@@ -95,7 +95,7 @@ class FakeRasterizer(Rasterizer):
     def pack(self, scene: Batches) -> PreparedScene:
         if self.error is not None:
             raise self.error
-        scene.gathered()
+        scene.read_all()
         return FakeScene()
 
     def render(

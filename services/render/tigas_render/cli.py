@@ -101,9 +101,9 @@ class Add(Command):
     """Name of the scene; by default the file's name."""
 
     def run(self) -> None:
-        from tigas_render.scenes.library_operations import add_scene, shown
+        from tigas_render.scenes.library_operations import add_scene, display_name
 
-        with terminated_as_interrupted(), _bar(f"fetching {shown(self.source)}") as listener:
+        with terminated_as_interrupted(), _bar(f"fetching {display_name(self.source)}") as listener:
             id, file = add_scene(self.source, load(RenderSettings, {}).scenes, self.id, listener, MAX_DOWNLOAD_BYTES)
         what = f"{file.format}, {file.count:,} Gaussians, SH degree {file.sh_degree}, {file.file_bytes / 1e6:.1f} MB"
         print(f"{file.files[0]}: {what}. A running service offers it as {id} after its next scan.")
@@ -153,7 +153,7 @@ class Grid(_SceneCommand):
             raise StartError(f"{self.out} is a compressed PLY; its name must end in .ply.")
         metadata, file = read_metadata(self.scene), read_scene_file(self.scene)
         with _bar(f"reading {self.scene}") as listener:
-            gaussians = file.open(listener).gathered()
+            gaussians = file.open(listener).read_all()
         up = metadata.up or SceneStatistics.of(gaussians).view(metadata).up
         count = write_grid(self.out, gaussians, up, columns, rows)
         print(f"{self.out}: {count:,} Gaussians, {self.out.stat().st_size / 1e6:.1f} MB")

@@ -63,7 +63,7 @@ class Batches:
     check: Callable[[], None] = lambda: None
     """Called regularly by long computations on the Gaussians, and may raise an error to abort them."""
 
-    def gathered(self) -> Gaussians:
+    def read_all(self) -> Gaussians:
         """Read and return all Gaussians."""
         first = next(self.parts)
         if len(first) == self.most:

@@ -13,7 +13,7 @@ from tigas_render.raster.base import PreparedScene
 from tigas_render.scenes.registry import SceneRegistry
 from tigas_render.scenes.scene_file import Listener
 from tigas_render.scenes.source import SceneMetadata, SceneSource
-from tigas_render.scenes.start_view.view import KeptViews
+from tigas_render.scenes.start_view.view import StartViewCache
 
 
 @dataclass
@@ -61,11 +61,11 @@ class Bench:
         self.builtin[id] = SceneSource(id, SceneMetadata(), "1", open, sh_degree=0, memory_bytes=size)
 
     def registry(
-        self, directory: Path | None = None, *, own_ladders: bool = True, views: KeptViews | None = None
+        self, directory: Path | None = None, *, own_ladders: bool = True, views: StartViewCache | None = None
     ) -> SceneRegistry:
         return SceneRegistry(
             directory,
-            lambda scene: Packed(len(scene.gathered())),
+            lambda scene: Packed(len(scene.read_all())),
             builtin=self.builtin,
             own_ladders=own_ladders,
             views=views,
@@ -77,4 +77,4 @@ class Bench:
 
 def states(registry: SceneRegistry) -> dict[str, str]:
     """State of each scene, by id."""
-    return {info.id: info.state for info in registry.infos()}
+    return {info.id: info.state for info in registry.scene_infos()}

@@ -17,7 +17,7 @@ from tigas_common.errors import BrokenScene, NoRoom, OutOfDeviceMemory, SceneInU
 from tigas_render.gaussians import Batches
 from tigas_render.raster.base import PreparedScene
 from tigas_render.scenes import coarse, scene_file
-from tigas_render.scenes.coarse import CoarseScenes
+from tigas_render.scenes.coarse import CoarseSceneCache
 from tigas_render.scenes.registry import SceneRegistry
 
 pytestmark = pytest.mark.anyio
@@ -45,7 +45,7 @@ class Bench:
             self.models,
             self._pack,
             builtin={},
-            coarse=CoarseScenes(self.cache),
+            coarse=CoarseSceneCache(self.cache),
             memory_budget=self.budget,
             idle_s=60,
             clock=lambda: 0.0,
@@ -58,7 +58,7 @@ class Bench:
         assert await asyncio.to_thread(self.started.acquire, timeout=10)
 
     def _pack(self, scene: Batches) -> PreparedScene:
-        self.packed.append(count := len(scene.gathered()))
+        self.packed.append(count := len(scene.read_all()))
         if count < made_up.COUNT:
             if self.coarse_error is not None:
                 raise self.coarse_error
@@ -72,7 +72,7 @@ class Bench:
 
 @pytest.fixture
 def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Bench:
-    monkeypatch.setattr(coarse, "LARGE", made_up.COUNT)
+    monkeypatch.setattr(coarse, "MIN_GAUSSIANS", made_up.COUNT)
     monkeypatch.setattr(scene_file, "SAMPLE", SAMPLE)
     return Bench(tmp_path)
 
@@ -89,7 +89,7 @@ async def test_two_viewers_see_a_large_scene_while_it_loads_once(bench: Bench) -
     assert use.enter_if_loaded() is not None
     use.leave()
     assert registry.use("large").enter_if_loaded() is None
-    assert (registry.info("large").state, registry.info("large").camera is None) == ("loading", False)
+    assert (registry.scene_info("large").state, registry.scene_info("large").camera is None) == ("loading", False)
     await registry.load("large", coarse=True)
     loading = asyncio.create_task(registry.load("large"))
     await bench.loads()
@@ -102,7 +102,7 @@ async def test_two_viewers_see_a_large_scene_while_it_loads_once(bench: Bench) -
 
 
 async def test_a_small_scene_is_loaded_at_once(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(coarse, "LARGE", WHOLE + 1)
+    monkeypatch.setattr(coarse, "MIN_GAUSSIANS", WHOLE + 1)
     bench.gate.set()
     async with (await bench.registry()).use("large", coarse=True) as scene:
         assert not scene.is_coarse

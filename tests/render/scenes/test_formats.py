@@ -108,7 +108,7 @@ def test_every_fourth_gaussian_is_the_coarse_part_of_a_file(
     assert coarse is not None
     assert (coarse.count, coarse.sh_degree) == (made_up.COUNT // 4, 0)
     means, scales, quaternions, opacities, sh = (array[::4] for array in file.load().arrays)
-    expected = (means, scales * scene_file.growth(4), quaternions, opacities, sh[:, :1])
+    expected = (means, scales * scene_file.enlargement(4), quaternions, opacities, sh[:, :1])
     assert all(map(np.allclose, coarse.load().arrays, expected))
 
 

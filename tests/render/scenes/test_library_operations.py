@@ -28,13 +28,13 @@ from tigas_render.scenes import directory as directory_module
 from tigas_render.scenes import library_operations
 from tigas_render.scenes.directory import scan_directory
 from tigas_render.scenes.library_operations import (
-    PART,
-    NotAdded,
+    PART_PREFIX,
+    SceneNotAdded,
     add_scene,
+    display_name,
     edit_scene,
     remove_scene,
     rename_scene,
-    shown,
 )
 
 LIMIT = 1_000_000
@@ -135,13 +135,13 @@ def test_what_cannot_be_added_leaves_nothing(tmp_path: Path, site: str, path: st
     plys.write(tmp_path / "models" / "there.ply", plys.binary_ply())
     for source in (f"{site}/{path}", str(tmp_path / "site" / path)):
         missing = words.startswith("answers") and not source.startswith("http")
-        with pytest.raises((NotAdded, BrokenScene), match="No such file" if missing else words):
+        with pytest.raises((SceneNotAdded, BrokenScene), match="No such file" if missing else words):
             add_scene(source, tmp_path / "models", id, lambda _: None, LIMIT)
     assert [entry.name for entry in (tmp_path / "models").iterdir()] == ["there.ply"]
 
 
 def test_nobody_at_home_is_said_in_a_sentence(tmp_path: Path, site: str) -> None:
-    with pytest.raises(NotAdded, match=r"^http://127\.0\.0\.1:1/a\.ply cannot be fetched: .+\.$"):
+    with pytest.raises(SceneNotAdded, match=r"^http://127\.0\.0\.1:1/a\.ply cannot be fetched: .+\.$"):
         add_scene("http://127.0.0.1:1/a.ply", tmp_path / "models", None, lambda _: None, LIMIT)
 
 
@@ -150,31 +150,31 @@ def test_nobody_at_home_is_said_in_a_sentence(tmp_path: Path, site: str) -> None
 )
 def test_a_download_ends(tmp_path: Path, site: str, path: str, words: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(library_operations, "TIMEOUT_S", 0.5)
-    with pytest.raises(NotAdded, match=words):
+    with pytest.raises(SceneNotAdded, match=words):
         add_scene(f"{site}/{path}", tmp_path / "models", None, lambda _: None, LIMIT)
     assert list((tmp_path / "models").iterdir()) == []
 
 
 def test_a_file_that_is_said_to_be_too_large_is_not_fetched(tmp_path: Path, site: str) -> None:
     (tmp_path / "site" / "large.ply").write_bytes(bytes(LIMIT + 1))
-    with pytest.raises(NotAdded, match="is larger than"):
+    with pytest.raises(SceneNotAdded, match="is larger than"):
         add_scene(f"{site}/large.ply", tmp_path / "models", None, lambda _: pytest.fail("It was fetched."), LIMIT)
 
 
 @pytest.mark.parametrize("address", ["{}/nowhere.ply?key=secret", "http://127.0.0.1:1/a.ply", "ftp://127.0.0.1/a.ply"])
 def test_no_sentence_has_a_password(tmp_path: Path, site: str, address: str) -> None:
     source = address.format(site).replace("://", "://user:secret@")
-    with pytest.raises(NotAdded) as raised:
+    with pytest.raises(SceneNotAdded) as raised:
         add_scene(source, tmp_path / "models", None, lambda _: None, LIMIT)
-    assert "secret" not in str(raised.value) + shown(source)
+    assert "secret" not in str(raised.value) + display_name(source)
 
 
 @pytest.mark.parametrize("address", ["http://user:secret@[::1", "http://user:secret@a\u2100b/a.ply"])
 def test_an_address_that_is_not_valid_is_refused_in_a_sentence(tmp_path: Path, address: str) -> None:
-    for call in (lambda: add_scene(address, tmp_path, None, lambda _: None, LIMIT), lambda: shown(address)):
-        with pytest.raises(NotAdded, match=r"^The scene's address is not valid\.$"):
+    for call in (lambda: add_scene(address, tmp_path, None, lambda _: None, LIMIT), lambda: display_name(address)):
+        with pytest.raises(SceneNotAdded, match=r"^The scene's address is not valid\.$"):
             call()
-    assert shown("//[a") == "//[a", "a path"
+    assert display_name("//[a") == "//[a", "a path"
 
 
 @pytest.mark.slow
@@ -192,7 +192,7 @@ def test_a_command_that_is_terminated_leaves_nothing(tmp_path: Path, site: str) 
 
 def test_what_a_command_that_was_killed_has_left_is_removed_by_the_next(tmp_path: Path) -> None:
     models = tmp_path / "models"
-    left = models / f"{PART}left"
+    left = models / f"{PART_PREFIX}left"
     left.mkdir(parents=True)
     (left / "hall").write_bytes(b"ply")
     os.utime(left, (1e9, 1e9))

@@ -74,10 +74,10 @@ async def test_others_have_frames_while_a_scene_is_read_and_packed() -> None:
             async with asyncio.timeout(60):
                 frame = await engine.submit(viewer, render_request(scene="small"), time.monotonic())
             assert frame.body
-            assert registry.info("big").state == "loading"
+            assert registry.scene_info("big").state == "loading"
             frames.release()
         assert (await awaited).body
-        assert registry.info("big").gaussians == 4000
+        assert registry.scene_info("big").gaussians == 4000
 
 
 @pytest.mark.slow

@@ -48,14 +48,14 @@ async def given_up(task: asyncio.Task[Any]) -> None:
 async def test_the_first_use_loads_and_later_ones_do_not(bench: Bench) -> None:
     registry = bench.registry()
     assert states(registry) == {"a": "unloaded", "b": "unloaded", "c": "unloaded"}
-    assert registry.info("a").camera is None
+    assert registry.scene_info("a").camera is None
     async with registry.use("a") as scene:
         assert scene.prepared.nbytes == 100
         assert scene.background == (0, 0, 0)
     async with registry.use("a") as again:
         assert again.prepared is scene.prepared
     assert bench.opened == ["a"]
-    info = registry.info("a")
+    info = registry.scene_info("a")
     assert (info.state, info.gaussians, info.memory_bytes) == ("loaded", 100, 100)
     assert info.camera == scene.camera
 
@@ -79,7 +79,7 @@ async def test_concurrent_first_uses_load_once_and_leave_the_event_loop_free(ben
 
     users = [asyncio.create_task(use()) for _ in range(5)]
     await until_opened(bench)
-    assert registry.info("a").state == "loading"
+    assert registry.scene_info("a").state == "loading"
     async with registry.use("b"):  # others are served meanwhile
         pass
     bench.gates["a"].set()
@@ -128,9 +128,9 @@ async def test_one_who_gives_up_waiting_does_not_take_the_scene_from_the_others(
     bench.gates["a"].set()
     await second
     assert bench.opened == ["a"]
-    assert registry.info("a").state == "loaded"
+    assert registry.scene_info("a").state == "loaded"
     registry.unload("a")  # a cancelled waiter does not hold the scene
-    assert registry.info("a").state == "unloaded"
+    assert registry.scene_info("a").state == "unloaded"
 
 
 @pytest.mark.parametrize(
@@ -147,7 +147,7 @@ async def test_a_failed_load_reaches_everybody_and_is_not_repeated_until_asked(
     for outcome in await asyncio.gather(*tasks, return_exceptions=True):
         assert isinstance(outcome, BrokenScene)
         assert sentence in outcome.detail
-    info = registry.info("a")
+    info = registry.scene_info("a")
     assert info.state == "broken"
     assert sentence in (info.error or "")
     with pytest.raises(BrokenScene):
@@ -157,7 +157,7 @@ async def test_a_failed_load_reaches_everybody_and_is_not_repeated_until_asked(
     await registry.load("b")  # nothing stays reserved
     del bench.errors["a"]
     await registry.load("a")
-    assert registry.info("a").state == "loaded"
+    assert registry.scene_info("a").state == "loaded"
 
 
 async def test_idle_scenes_are_evicted_unless_they_are_used(bench: Bench) -> None:
@@ -211,7 +211,7 @@ async def test_a_scene_beyond_the_budget_is_broken_and_disturbs_nobody(bench: Be
     ):
         await registry.load("huge")
     assert states(registry)["a"] == "loaded"
-    assert registry.info("huge").state == "broken"
+    assert registry.scene_info("huge").state == "broken"
     assert bench.opened == (["a"] if estimate > 1000 else ["a", "huge"])
     await registry.load("b")  # nothing stays reserved
 
@@ -228,7 +228,7 @@ async def test_nobody_unloads_what_another_views_or_waits_for(bench: Bench) -> N
     async with registry.use("a"):
         with pytest.raises(SceneInUse, match=r"less than 30 seconds ago"):
             registry.unload("a")
-    registry.viewed("a")
+    registry.mark_viewed("a")
     bench.now += 29  # the viewer stands still
     with pytest.raises(SceneInUse):
         registry.unload("a")
@@ -279,13 +279,13 @@ def slow(bench: Bench) -> Slow:
 
 async def test_how_much_of_a_loading_scene_was_read_is_told(bench: Bench) -> None:
     reading, registry = slow(bench), bench.registry()
-    assert registry.info("slow").progress is None
+    assert registry.scene_info("slow").progress is None
     loading = asyncio.create_task(registry.load("slow"))
     await reading.half_way()
-    assert (registry.info("slow").state, registry.info("slow").progress) == ("loading", 0.5)
+    assert (registry.scene_info("slow").state, registry.scene_info("slow").progress) == ("loading", 0.5)
     reading.go_on.set()
     await loading
-    info = registry.info("slow")
+    info = registry.scene_info("slow")
     assert (info.state, info.progress, info.gaussians) == ("loaded", None, 200)
 
 
@@ -298,7 +298,7 @@ async def test_a_load_that_nobody_waits_for_can_be_ended(bench: Bench, end: Call
     end(registry)
     reading.go_on.set()
     await asyncio.gather(*(task for task in asyncio.all_tasks() if task.get_name() == "load slow"))
-    assert registry.info("slow").state == "unloaded"
+    assert registry.scene_info("slow").state == "unloaded"
     assert reading.closed.is_set(), "the open file is closed"
 
 
@@ -312,7 +312,7 @@ async def test_one_who_comes_before_an_unloaded_scene_has_stopped_loading_gets_i
     await asyncio.sleep(0)
     reading.go_on.set()
     await late
-    assert registry.info("slow").state == "loaded"
+    assert registry.scene_info("slow").state == "loaded"
 
 
 @pytest.mark.parametrize("scene_id", ["", "..", "../a", "a/../b", "/etc/passwd", "a\0", "A", "x" * 10_000, "\ud800"])
@@ -320,7 +320,7 @@ async def test_an_unknown_id_is_only_ever_looked_up(bench: Bench, tmp_path: Path
     write_ply(plys.write(tmp_path / "outside.ply", b""), plys.gaussians(2))
     registry = bench.registry(tmp_path)
     await registry.scan()
-    for call in (registry.info, registry.source, registry.unload):
+    for call in (registry.scene_info, registry.source, registry.unload):
         with pytest.raises(UnknownScene):
             call(scene_id)
     with pytest.raises(UnknownScene) as failure:
@@ -361,10 +361,10 @@ async def test_a_device_that_is_full_gets_room_once() -> None:
     with pytest.raises(OutOfDeviceMemory):
         await registry.load("new")
     assert bench.opened == ["older", "old", "new", "new"]
-    assert [registry.info(id).state for id in ("older", "old", "new")] == ["unloaded", "loaded", "unloaded"]
+    assert [registry.scene_info(id).state for id in ("older", "old", "new")] == ["unloaded", "loaded", "unloaded"]
     del bench.errors["new"]
     await registry.load("new")  # the device is tried again: its free memory varies
-    assert registry.info("new").state == "loaded"
+    assert registry.scene_info("new").state == "loaded"
 
 
 async def test_what_did_not_fit_is_gone_before_it_is_tried_again() -> None:
@@ -374,7 +374,7 @@ async def test_what_did_not_fit_is_gone_before_it_is_tried_again() -> None:
     half: list[weakref.ref[Packed]] = []
 
     def pack(scene: Batches) -> PreparedScene:
-        packed = Packed(len(scene.gathered()))
+        packed = Packed(len(scene.read_all()))
         if not half:
             half.append(weakref.ref(packed))
             raise OutOfDeviceMemory("full")
@@ -387,7 +387,7 @@ async def test_what_did_not_fit_is_gone_before_it_is_tried_again() -> None:
         await registry.load("new")
     finally:
         gc.enable()
-    assert registry.info("new").state == "loaded"
+    assert registry.scene_info("new").state == "loaded"
 
 
 async def test_scenes_in_use_are_not_taken_for_a_full_device() -> None:
@@ -398,4 +398,4 @@ async def test_scenes_in_use_are_not_taken_for_a_full_device() -> None:
         with pytest.raises(OutOfDeviceMemory):
             await registry.load("new")
         assert bench.opened == ["used", "new"]
-    assert registry.info("used").state == "loaded"
+    assert registry.scene_info("used").state == "loaded"

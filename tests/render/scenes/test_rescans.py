@@ -26,7 +26,7 @@ from tigas_render.scenes import registry as registry_module
 from tigas_render.scenes import scene_file
 from tigas_render.scenes.directory import scan_directory
 from tigas_render.scenes.source import SceneMetadata, SceneSource
-from tigas_render.scenes.start_view.view import KeptViews
+from tigas_render.scenes.start_view.view import StartViewCache
 
 pytestmark = pytest.mark.anyio
 
@@ -46,12 +46,12 @@ async def test_a_directory_of_scenes(tmp_path: Path) -> None:
     registry = Bench(budget=10**6).registry(tmp_path)
     await registry.scan()
     assert states(registry) == {"Küche 2": "unloaded", "garden": "unloaded", "torn": "broken"}
-    garden = registry.info("garden")
+    garden = registry.scene_info("garden")
     assert (garden.name, garden.gaussians, garden.sh_degree) == ("The garden", 5, 0)
     assert garden.background == (0.1, 0.2, 0.3)
     assert garden.file_bytes == (tmp_path / "garden" / "scene.ply").stat().st_size
-    assert registry.info("Küche 2").preview == "/scenes/K%C3%BCche%202/preview"
-    assert "truncated" in (registry.info("torn").error or "")
+    assert registry.scene_info("Küche 2").preview == "/scenes/K%C3%BCche%202/preview"
+    assert "truncated" in (registry.scene_info("torn").error or "")
     async with registry.use("garden") as scene:
         assert scene.background == (0.1, 0.2, 0.3)
     with pytest.raises(BrokenScene, match="truncated"):
@@ -77,8 +77,8 @@ async def test_a_rescan_follows_the_directory_and_keeps_what_is_loaded(tmp_path:
     )
     await registry.scan()
     assert states(registry) == {"changes": "unloaded", "stays": "loaded", "torn": "unloaded"}
-    assert registry.info("changes").gaussians == 7
-    assert registry.info("stays").name == "Renamed"
+    assert registry.scene_info("changes").gaussians == 7
+    assert registry.scene_info("stays").name == "Renamed"
     async with registry.use("stays") as scene:
         assert scene.prepared is before
         assert scene.camera == StartCamera(position=(1, 2, 3), look_at=(0, 0, 0))
@@ -89,39 +89,39 @@ async def test_a_derived_view_is_known_after_a_restart_without_loading(tmp_path:
     scene, up = turned(statue(), (1, 0, 0), -90)
     write_ply(folder / "scene.ply", scene)
     files = sorted(folder.iterdir())
-    views = KeptViews(tmp_path / "cache")
+    views = StartViewCache(tmp_path / "cache")
     registry = Bench(budget=10**8).registry(tmp_path / "models", views=views)
     await registry.scan()
-    before = registry.info("lying")
+    before = registry.scene_info("lying")
     assert (before.up, before.camera) == ((0, -1, 0), None)
     await registry.load("lying")
-    info = registry.info("lying")
+    info = registry.scene_info("lying")
     assert info.up == pytest.approx(up, abs=0.05)
     assert info.camera is not None
     registry.unload("lying")
     restarted = Bench(budget=10**6).registry(tmp_path / "models", views=views)
     await restarted.scan()
-    known = restarted.info("lying")
+    known = restarted.scene_info("lying")
     assert (known.state, known.up, known.camera) == ("unloaded", info.up, info.camera)
     assert sorted(folder.iterdir()) == files, "the scene's folder is the user's"
 
 
 async def test_scene_json_takes_the_place_of_a_derived_view(tmp_path: Path) -> None:
     folder = make_scene(tmp_path / "models" / "garden")
-    registry = Bench(budget=10**6).registry(tmp_path / "models", views=KeptViews(tmp_path / "cache"))
+    registry = Bench(budget=10**6).registry(tmp_path / "models", views=StartViewCache(tmp_path / "cache"))
     await registry.scan()
     await registry.load("garden")
-    derived = registry.info("garden").camera
+    derived = registry.scene_info("garden").camera
     (folder / "scene.json").write_text('{"up": [0, 0, 1]}')
     await registry.scan()
-    assert registry.info("garden").up == (0, 0, 1)
+    assert registry.scene_info("garden").up == (0, 0, 1)
     (folder / "scene.json").write_text('{"camera": {"position": [1, 2, 3], "look_at": [0, 0, 0]}}')
     await registry.scan()
-    info = registry.info("garden")
+    info = registry.scene_info("garden")
     assert (info.up, info.camera) == ((0, -1, 0), StartCamera(position=(1, 2, 3), look_at=(0, 0, 0)))
     (folder / "scene.json").unlink()
     await registry.scan()
-    assert registry.info("garden").camera == derived
+    assert registry.scene_info("garden").camera == derived
 
 
 async def test_metadata_that_is_edited_while_a_scene_loads_holds(
@@ -144,9 +144,9 @@ async def test_metadata_that_is_edited_while_a_scene_loads_holds(
     await registry.scan()
     edited.set()
     await loaded
-    assert registry.info("garden").camera == StartCamera(position=(1, 2, 3), look_at=(0, 0, 0))
+    assert registry.scene_info("garden").camera == StartCamera(position=(1, 2, 3), look_at=(0, 0, 0))
     async with registry.use("garden") as scene:
-        assert scene.camera == registry.info("garden").camera
+        assert scene.camera == registry.scene_info("garden").camera
 
 
 async def test_scenes_stay_while_their_directory_cannot_be_read(
@@ -242,12 +242,12 @@ async def test_a_scene_has_the_digest_of_the_file_that_was_loaded(tmp_path: Path
     file = make_scene(tmp_path / "garden") / "scene.ply"
     registry = Bench(budget=10**6).registry(tmp_path)
     await registry.scan()
-    assert registry.info("garden").file_sha256 is None, "nobody reads gigabytes to list scenes"
+    assert registry.scene_info("garden").file_sha256 is None, "nobody reads gigabytes to list scenes"
     await registry.load("garden")
     first = hashlib.sha256(file.read_bytes()).hexdigest()
-    assert registry.info("garden").file_sha256 == first
+    assert registry.scene_info("garden").file_sha256 == first
     registry.unload("garden")
-    assert registry.info("garden").file_sha256 == first
+    assert registry.scene_info("garden").file_sha256 == first
     changed = bytearray(file.read_bytes())
     changed[-1] ^= 1  # of the same size
     file.write_bytes(changed)
@@ -256,7 +256,7 @@ async def test_a_scene_has_the_digest_of_the_file_that_was_loaded(tmp_path: Path
         if rescanned:
             await registry.scan()
         await registry.load("garden")
-        assert registry.info("garden").file_sha256 == hashlib.sha256(changed).hexdigest()
+        assert registry.scene_info("garden").file_sha256 == hashlib.sha256(changed).hexdigest()
 
 
 async def test_a_scene_that_vanishes_stays_with_whoever_uses_it_and_counts_until_then(tmp_path: Path) -> None:
@@ -270,7 +270,7 @@ async def test_a_scene_that_vanishes_stays_with_whoever_uses_it_and_counts_until
         await registry.scan()
         assert scene.prepared.nbytes == 80
         with pytest.raises(UnknownScene):
-            registry.info("goes")
+            registry.scene_info("goes")
         with pytest.raises(Overloaded):
             await registry.load("other")
     await registry.load("other")
@@ -284,7 +284,7 @@ async def test_loading_a_broken_scene_looks_at_its_file_again(tmp_path: Path) ->
         await registry.load("torn")
     make_scene(tmp_path / "torn")
     await registry.load("torn")
-    assert registry.info("torn").state == "loaded"
+    assert registry.scene_info("torn").state == "loaded"
 
 
 class SlowDisk:
@@ -336,7 +336,7 @@ async def test_a_folder_takes_the_place_of_a_built_in_scene(tmp_path: Path) -> N
     bench = Bench.of("a", "b", "c")
     make_scene(tmp_path / "a", count=3)
     registry = bench.registry(tmp_path)
-    assert registry.info("a").gaussians is None
+    assert registry.scene_info("a").gaussians is None
     await registry.scan()
-    assert registry.info("a").gaussians == 3
+    assert registry.scene_info("a").gaussians == 3
     assert set(states(registry)) == {"a", "b", "c"}

@@ -55,7 +55,7 @@ async def test_a_scene_is_offered_with_its_own_ladder_unless_nobody_wants_them(t
     folder_with(tmp_path, "ladder.json", ladder())
     registry = Bench(budget=10_000_000).registry(tmp_path)
     await registry.scan()
-    own = registry.info("hall").ladder
+    own = registry.scene_info("hall").ladder
     assert own is not None
     assert [(rung.name, rung.quality, rung.psnr_db) for rung in own] == [
         ("1280×720 q80", 80, 37.5),
@@ -65,7 +65,7 @@ async def test_a_scene_is_offered_with_its_own_ladder_unless_nobody_wants_them(t
         assert scene.ladder == own
     plain = Bench(budget=10_000_000).registry(tmp_path, own_ladders=False)
     await plain.scan()
-    assert plain.info("hall").ladder is None
+    assert plain.scene_info("hall").ladder is None
 
 
 @pytest.mark.parametrize(

@@ -194,7 +194,7 @@ async def test_scenes_are_listed_loaded_viewed_and_unloaded(client: httpx.AsyncC
 
 
 async def test_a_large_scene_has_coarse_frames_while_it_loads(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(coarse, "LARGE", 400)
+    monkeypatch.setattr(coarse, "MIN_GAUSSIANS", 400)
     monkeypatch.setattr(scene_file, "SAMPLE", 100)
     write_ply(plys.write(tmp_path / "models" / "large.ply", b""), plys.gaussians(400))
     rasterizer, gate = CpuRasterizer(), threading.Event()

@@ -64,7 +64,7 @@ async def test_a_stopping_service_ends_loading_and_downloads_first(
         loading = asyncio.create_task(service.load("courtyard"))
         making = asyncio.create_task(service.downloads.get(service.registry.source("courtyard")))
         await asyncio.sleep(0)
-        assert service.registry.info("courtyard").state == "loading"
+        assert service.registry.scene_info("courtyard").state == "loading"
         stop.set()
         await wait_until_stopped_or_lost(stopped(), service)
         for work in (loading, making):

@@ -33,7 +33,7 @@ from tigas_render.scenes.compressed_ply import write_compressed_ply
 from tigas_render.scenes.ply import ANTIALIASED
 from tigas_render.scenes.source import SceneSource
 from tigas_render.scenes.start_view.statistics import SceneStatistics
-from tigas_render.scenes.streamed_sog import FORMAT, streamable
+from tigas_render.scenes.streamed_sog import FORMAT, find_streamable_file
 from tigas_render.single_flight import SingleFlight
 
 _log = logging.getLogger(__name__)
@@ -78,7 +78,7 @@ def make(source: SceneSource, path: Path, check: Check) -> SceneDownload:
 
     Raises BrokenScene, the errors of `check`, and OSError if the file cannot be written.
     """
-    gaussians = source.read(lambda _: check()).gathered()
+    gaussians = source.read(lambda _: check()).read_all()
     camera = SceneStatistics.of(gaussians).view(source.metadata).camera
     order = download_order(gaussians, camera.position, check)
     comments = [*(part.comment for part in order.parts), *([ANTIALIASED] if gaussians.antialiased else ())]
@@ -116,7 +116,7 @@ class DownloadCache:
         """A file of a streamed scene, and its version. Raises NoSuchDownload."""
         if self._limit and source.folder is not None and source.format == FORMAT:
             with contextlib.suppress(OSError):  # removed in the meantime, or its name is too long
-                if (path := streamable(source.folder, name)) is not None:
+                if (path := find_streamable_file(source.folder, name)) is not None:
                     status = path.stat()
                     return path, f"{status.st_mtime_ns:x}-{status.st_size:x}"
         raise NoSuchDownload(f"{source.name} has no file {name[:100]!r} to stream.")
@@ -136,7 +136,7 @@ class DownloadCache:
 
     def _path(self, source: SceneSource) -> Path:
         """The cache file, whose name depends on everything that its content depends on."""
-        key = f"{VERSION}|{source.id}|{source.version}|{source.metadata.look}"
+        key = f"{VERSION}|{source.id}|{source.version}|{source.metadata.appearance_key}"
         return self._directory / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.compressed"
 
     async def _kept_or_made(self, source: SceneSource, path: Path) -> MadeFile:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tigas_common.wire.model import Point
 from tigas_render.gaussians import Gaussians
 from tigas_render.raster.morton import morton_codes
-from tigas_render.scenes.scene_file import growth
+from tigas_render.scenes.scene_file import enlargement
 
 SHARES = (0.02, 0.05, 0.1, 0.25, 0.5)
 """Shares of a scene after which the received part is worth showing."""
@@ -58,7 +58,7 @@ def download_order(gaussians: Gaussians, viewpoint: Point, check: Callable[[], N
     check()
     covered = np.cumsum(importance[indices])
     counts = sorted({round(share * len(indices) / MULTIPLE) * MULTIPLE for share in SHARES} - {0})
-    parts = [Part(count, float(growth(covered[-1] / covered[count - 1]))) for count in counts]
+    parts = [Part(count, float(enlargement(covered[-1] / covered[count - 1]))) for count in counts]
     parts = [part for part in parts if part.count < len(indices)]
     codes = morton_codes(gaussians.means)
     runs = np.split(indices, [part.count for part in parts])

@@ -29,8 +29,8 @@ from tigas_render.scenes.scene_file import (
     Rows,
     SceneFile,
     Table,
-    blocks_of_file,
-    with_largest,
+    add_largest,
+    file_blocks,
 )
 
 CHUNK = 256
@@ -40,7 +40,7 @@ POSITION, SCALE, COLOUR = ("x", "y", "z"), ("scale_x", "scale_y", "scale_z"), ("
 RANGES = tuple(f"{end}_{name}" for names in (POSITION, SCALE, COLOUR) for end in ("min", "max") for name in names)
 """The properties of a chunk."""
 PACKED = ("packed_position", "packed_rotation", "packed_scale", "packed_color")
-WRITTEN = 64 * CHUNK
+WRITE_BLOCK = 64 * CHUNK
 """Number of Gaussians packed at a time."""
 LOG_SCALE_LIMIT = 20.0
 ORIGIN = np.zeros((1, 3), np.float32)
@@ -121,7 +121,7 @@ def _has_colours(chunk: np.dtype[np.void]) -> bool:
 def _decode(path: Path, tables: _Tables, listener: Listener) -> Iterator[Columns]:
     assert BLOCK % CHUNK == 0  # so that a block begins with a chunk
     rest = rest_names(tables.sh_degree)
-    for file, block in blocks_of_file(path, tables.file_bytes, tables.vertices.count, listener):
+    for file, block in file_blocks(path, tables.file_bytes, tables.vertices.count, listener):
         size = tables.per_chunk
         chunks = tables.chunks.rows(file, block.start // size, math.ceil(block.stop / size))
         columns = _columns(tables.vertices.rows(file, block.start, block.stop), chunks, size, tables.sh_degree)
@@ -134,21 +134,21 @@ def _decode(path: Path, tables: _Tables, listener: Listener) -> Iterator[Columns
 def _columns(vertices: Rows, chunks: Rows, per_chunk: int, sh_degree: int) -> Columns:
     columns = Columns(len(vertices), sh_degree)
     chunk = np.arange(len(vertices)) // per_chunk
-    colour = _shares(vertices["packed_color"], (8, 8, 8, 8))
+    colour = _unpack(vertices["packed_color"], (8, 8, 8, 8))
     rotation = vertices["packed_rotation"]
     with np.errstate(all="ignore"):  # overflowing values are dropped later
-        columns.means[:] = _within(_shares(vertices["packed_position"], (11, 10, 11)), chunks, POSITION, chunk)
-        columns.scales[:] = np.exp(_within(_shares(vertices["packed_scale"], (11, 10, 11)), chunks, SCALE, chunk))
+        columns.means[:] = _scale(_unpack(vertices["packed_position"], (11, 10, 11)), chunks, POSITION, chunk)
+        columns.scales[:] = np.exp(_scale(_unpack(vertices["packed_scale"], (11, 10, 11)), chunks, SCALE, chunk))
         hue = colour[:, :3]
         if _has_colours(chunks.dtype):
-            hue = _within(hue, chunks, COLOUR, chunk)
+            hue = _scale(hue, chunks, COLOUR, chunk)
         columns.sh[:, 0] = (hue - 0.5) / C0
     columns.opacities[:] = colour[:, 3]
-    columns.quaternions[:] = with_largest((_shares(rotation, (10, 10, 10)) - 0.5) * math.sqrt(2), rotation >> 30)
+    columns.quaternions[:] = add_largest((_unpack(rotation, (10, 10, 10)) - 0.5) * math.sqrt(2), rotation >> 30)
     return columns
 
 
-def _shares(words: NDArray[np.uint32], bits: Sequence[int]) -> Floats:
+def _unpack(words: NDArray[np.uint32], bits: Sequence[int]) -> Floats:
     """Unpack fractions, 0 to 1, from words [N] with the given bits, the last in the lowest bits: [N, len(bits)]."""
     ends = np.cumsum(np.array(bits[::-1]))[::-1]
     shifts = np.append(ends[1:], 0).astype(np.uint32)
@@ -158,7 +158,7 @@ def _shares(words: NDArray[np.uint32], bits: Sequence[int]) -> Floats:
     return shares
 
 
-def _within(shares: Floats, chunks: Rows, names: Sequence[str], chunk: NDArray[np.intp]) -> Floats:
+def _scale(shares: Floats, chunks: Rows, names: Sequence[str], chunk: NDArray[np.intp]) -> Floats:
     """Values [N, 3] at the given fractions of their chunks' ranges. chunk: [N] chunk indices."""
     low, high = (
         np.column_stack([chunks[f"{end}_{name}"] for name in names]).astype(np.float64)[chunk] for end in ("min", "max")
@@ -200,7 +200,7 @@ def write_compressed_ply(
     header = ply_header(elements, comments)
     ends = [len(header), len(header) + 4 * len(RANGES) * chunks]
     ends.append(ends[1] + 4 * len(PACKED) * count)
-    blocks = [order[start : start + WRITTEN] for start in range(0, len(order), WRITTEN)]
+    blocks = [order[start : start + WRITE_BLOCK] for start in range(0, len(order), WRITE_BLOCK)]
     with path.open("wb") as file:
         file.write(header)
         for shift in shifts:
@@ -214,23 +214,23 @@ def write_compressed_ply(
 def _pack(gaussians: Gaussians, block: NDArray[np.int64], shift: Floats) -> tuple[bytes, bytes, bytes]:
     """A block's rows for each element: ranges [chunks, 18], words [len(block), 4], and coefficients."""
     scales = gaussians.scales[block].clip(np.finfo(np.float32).tiny)
-    positions, position_ranges = _in_chunk(gaussians.means[block] + shift)
-    sizes, size_ranges = _in_chunk(np.log(scales).clip(-LOG_SCALE_LIMIT, LOG_SCALE_LIMIT))
-    hues, hue_ranges = _in_chunk(gaussians.sh[:, 0][block] * C0 + 0.5)
+    positions, position_ranges = _normalise_to_chunks(gaussians.means[block] + shift)
+    sizes, size_ranges = _normalise_to_chunks(np.log(scales).clip(-LOG_SCALE_LIMIT, LOG_SCALE_LIMIT))
+    hues, hue_ranges = _normalise_to_chunks(gaussians.sh[:, 0][block] * C0 + 0.5)
     opacities = gaussians.opacities[block, None]
-    largest, others = _rotations(gaussians.quaternions[block])
+    largest, others = _pack_rotations(gaussians.quaternions[block])
     words = (
-        _packed(positions, (11, 10, 11)),
-        _packed(others, (10, 10, 10)) | largest << 30,
-        _packed(sizes, (11, 10, 11)),
-        _packed(np.concatenate((hues, opacities), axis=1), (8, 8, 8, 8)),
+        _pack_words(positions, (11, 10, 11)),
+        _pack_words(others, (10, 10, 10)) | largest << 30,
+        _pack_words(sizes, (11, 10, 11)),
+        _pack_words(np.concatenate((hues, opacities), axis=1), (8, 8, 8, 8)),
     )
     ranges = np.concatenate((position_ranges, size_ranges, hue_ranges), axis=1)
-    coefficients = _packed_coefficients(gaussians, block) if gaussians.sh_degree else np.empty(0, np.uint8)
+    coefficients = _pack_coefficients(gaussians, block) if gaussians.sh_degree else np.empty(0, np.uint8)
     return ranges.astype("<f4").tobytes(), np.stack(words, axis=1).astype("<u4").tobytes(), coefficients.tobytes()
 
 
-def _in_chunk(values: Floats) -> tuple[Floats, Floats]:
+def _normalise_to_chunks(values: Floats) -> tuple[Floats, Floats]:
     """Values [N, 3] as fractions, 0 to 1, of their chunks' ranges; and the ranges [chunks, 6], lows before highs."""
     starts = np.arange(0, len(values), CHUNK)
     low, high = np.minimum.reduceat(values, starts), np.maximum.reduceat(values, starts)
@@ -239,7 +239,7 @@ def _in_chunk(values: Floats) -> tuple[Floats, Floats]:
     return (values - low[chunk]) / extent[chunk], np.concatenate((low, high), axis=1)
 
 
-def _rotations(quaternions: Floats) -> tuple[NDArray[np.uint32], Floats]:
+def _pack_rotations(quaternions: Floats) -> tuple[NDArray[np.uint32], Floats]:
     """The index of the largest component [N] of unit quaternions w, x, y, z [N, 4], and the others [N, 3], 0 to 1."""
     largest = np.abs(quaternions).argmax(1)[:, None]
     positive = quaternions * np.where(np.take_along_axis(quaternions, largest, 1) < 0, -1, 1)
@@ -247,23 +247,23 @@ def _rotations(quaternions: Floats) -> tuple[NDArray[np.uint32], Floats]:
     return largest[:, 0].astype(np.uint32), others / math.sqrt(2) + 0.5
 
 
-def _packed_coefficients(gaussians: Gaussians, block: NDArray[np.int64]) -> NDArray[np.uint8]:
+def _pack_coefficients(gaussians: Gaussians, block: NDArray[np.int64]) -> NDArray[np.uint8]:
     """All coefficients but the first, [len(block), 3, K − 1]."""
     rest = gaussians.sh[block, 1:].transpose(0, 2, 1)
     # 0 is halfway between two steps, so the rounding direction alternates to avoid a colour cast
     side = 1e-4 * np.where(np.indices(rest.shape).sum(0) % 2, 1, -1)
-    return _whole(rest / SH_RANGE + 0.5 + side, 8).astype(np.uint8)
+    return _quantise(rest / SH_RANGE + 0.5 + side, 8).astype(np.uint8)
 
 
-def _packed(shares: Floats, bits: Sequence[int]) -> NDArray[np.uint32]:
+def _pack_words(shares: Floats, bits: Sequence[int]) -> NDArray[np.uint32]:
     """Pack fractions [N, k], 0 to 1, with the given bits each, the first in the highest bits: [N]."""
     word = np.zeros(len(shares), np.uint32)
     for column, each in zip(shares.T, bits, strict=True):
         word <<= np.uint32(each)
-        word |= _whole(column, each)
+        word |= _quantise(column, each)
     return word
 
 
-def _whole(shares: Floats, bits: int) -> NDArray[np.uint32]:
+def _quantise(shares: Floats, bits: int) -> NDArray[np.uint32]:
     whole: NDArray[np.uint32] = np.rint(shares.clip(0, 1) * ((1 << bits) - 1)).astype(np.uint32)
     return whole

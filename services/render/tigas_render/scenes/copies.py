@@ -13,7 +13,7 @@ from tigas_render.scenes.compressed_ply import CHUNK, write_compressed_ply
 from tigas_render.scenes.ply import ANTIALIASED
 from tigas_render.scenes.start_view.view import level_frame
 
-MIDDLE = (0.01, 0.99)
+CENTRAL_QUANTILES = (0.01, 0.99)
 """Quantiles of the centres that bound a copy, because a few Gaussians may be far away."""
 
 
@@ -28,7 +28,7 @@ def write_grid(path: Path, scene: Gaussians, up: Point, columns: int, rows: int)
     order = np.concatenate((order, np.repeat(order[-1], padding)))
     whole = Gaussians(*(array[order] for array in scene.arrays), antialiased=scene.antialiased)
     whole.opacities[len(scene) :] = 0
-    low, high = np.quantile(scene.means @ frame.T, MIDDLE, axis=0)
+    low, high = np.quantile(scene.means @ frame.T, CENTRAL_QUANTILES, axis=0)
     right, forward = (frame[axis] * (high - low)[axis] for axis in (0, 2))
     shifts = [right * column + forward * row for row in range(rows) for column in range(columns)]
     part = path.with_name(f".{path.name}.part")

@@ -23,7 +23,7 @@ from tigas_common.errors import BrokenScene
 from tigas_common.wire.render import Rung
 from tigas_render.scenes.compressed_ply import is_compressed, read_compressed_ply
 from tigas_render.scenes.ply import MAX_HEADER, read_ply
-from tigas_render.scenes.scene_file import SceneFile, UnreadScene, explained, read_start
+from tigas_render.scenes.scene_file import SceneFile, UnreadScene, read_start, translate_os_errors
 from tigas_render.scenes.sog import read_sog
 from tigas_render.scenes.sog_files import META, ZIP
 from tigas_render.scenes.source import SceneMetadata, SceneSource, read_ladder, read_metadata, scene_id
@@ -34,7 +34,7 @@ from tigas_render.scenes.streamed_sog import LOD_META, read_streamed_sog
 _log = logging.getLogger(__name__)
 
 _SAFE_NAME = re.compile(r"\w[\w .()+-]{0,127}")
-ENDINGS = (".ply", ".sog", ".spz", ".splat")
+FILE_EXTENSIONS = (".ply", ".sog", ".spz", ".splat")
 """Endings of possible scene files, before their content is checked; among several files, the first ending wins."""
 
 
@@ -71,12 +71,12 @@ def is_safe_name(id: str) -> bool:
 
 def _rank(path: Path) -> tuple[int, str]:
     """A sort key: folders first, then files by ending, then by name."""
-    return -1 if _is_folder(path) else ENDINGS.index(path.suffix.lower()), path.name
+    return -1 if _is_folder(path) else FILE_EXTENSIONS.index(path.suffix.lower()), path.name
 
 
 def _is_scene_file(path: Path) -> bool:
     try:
-        return path.suffix.lower() in ENDINGS and path.is_file()
+        return path.suffix.lower() in FILE_EXTENSIONS and path.is_file()
     except OSError:  # unreadable now, so `read_source` will report a broken scene
         return True
 
@@ -86,7 +86,7 @@ def _is_folder(path: Path) -> bool:
     try:
         return path.is_dir()
     except OSError:
-        return path.suffix.lower() not in ENDINGS
+        return path.suffix.lower() not in FILE_EXTENSIONS
 
 
 def read_source(path: Path) -> SceneSource:
@@ -119,7 +119,7 @@ def read_source(path: Path) -> SceneSource:
         format=file.format,
         antialiased=file.antialiased,
         digest=lambda: _sha256(file.files),
-        is_unchanged=lambda: _is_of(version, file.files),
+        is_unchanged=lambda: _matches_files(version, file.files),
         coarse=file.coarse,
         memory_bytes=file.packed_bytes,
         folder=path if is_folder else None,
@@ -128,7 +128,7 @@ def read_source(path: Path) -> SceneSource:
     )
 
 
-def _is_of(version: str, files: tuple[Path, ...]) -> bool:
+def _matches_files(version: str, files: tuple[Path, ...]) -> bool:
     try:
         return ",".join(map(_version, files)) == version
     except OSError:
@@ -168,7 +168,7 @@ def read_scene_file(path: Path) -> SceneFile:
     path: of a SOG scene in several files, its meta.json; of a streamed one, its lod-meta.json. Raises BrokenScene, with
     one sentence.
     """
-    with explained(path):
+    with translate_os_errors(path):
         if path.is_dir():
             path = find_scene_file(path)
         start, file_bytes = read_start(path, MAX_HEADER)
@@ -205,7 +205,7 @@ def find_scene_file(folder: Path) -> Path:
     if not files and (folder / META).is_file():
         return folder / META
     if not files:
-        endings = ", ".join(ENDINGS)
+        endings = ", ".join(FILE_EXTENSIONS)
         raise BrokenScene(f"The folder {folder.name} has no scene: no {endings}, no {LOD_META} or {META} of SOG.")
     if len(files) > 1:
         _log.warning("%s has %d files that may be the scene; %s is used", folder.name, len(files), files[0].name)

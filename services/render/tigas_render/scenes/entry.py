@@ -11,7 +11,7 @@ from tigas_common.errors import Overloaded, TigasError
 from tigas_common.wire.render import Rung, SceneInfo, StartCamera
 from tigas_render.raster.base import PreparedScene
 from tigas_render.scenes.source import DEFAULT_UP, SceneSource
-from tigas_render.scenes.start_view.view import StartView, given_view
+from tigas_render.scenes.start_view.view import StartView, view_from_metadata
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,27 +52,27 @@ class Entry:
         self.error = source.error
         self.loaded: LoadedScene | None = None
         self.loading: asyncio.Task[TigasError | None] | None = None
-        self.begun = asyncio.Event()
+        self.coarse_settled = asyncio.Event()
         """Set once the coarse scene is available or known to be missing, or loading has ended."""
         self.coarse: LoadedScene | None = None
         """The coarse scene, while this one is loading."""
         self.reserved = 0
         """Bytes that the scene takes, or will take once it is loaded."""
-        self.queued = False
+        self.is_queued = False
         """Whether loading waits until other scenes have been read."""
         self.sha256: str | None = None
         """The SHA-256 of the file that was loaded last."""
-        self.view: StartView | None = given_view(source.metadata)
+        self.view: StartView | None = view_from_metadata(source.metadata)
         """The start view, if it is known without loading the scene or the scene was loaded before."""
         self.users = 0
         self.last_used = 0.0
         self.last_viewed = -math.inf
-        self.leaving = False
+        self.unload_when_unused = False
         """Whether to unload the scene once it is unused."""
         self.progress = 0.0
         """The share that has been read, 0 to 1, while the scene is loading."""
 
-    def usable(self, *, coarse: bool) -> LoadedScene | None:
+    def available(self, *, coarse: bool) -> LoadedScene | None:
         """The loaded scene, or with `coarse` perhaps the coarse one; None if it must be loaded first."""
         return self.loaded or (self.coarse if coarse else None)
 

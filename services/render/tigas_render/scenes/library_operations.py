@@ -35,20 +35,20 @@ from tigas_render.scenes.streamed_sog import LOD_META, all_files
 COPY_BYTES = 1 << 20
 TIMEOUT_S = 30.0
 """Seconds without a byte after which a download is aborted."""
-LEAST_BYTES_PER_S = 1000.0
+MIN_BYTES_PER_S = 1000.0
 """Rate, averaged over TIMEOUT_S, below which a download is aborted."""
-PART = ".adding-"
+PART_PREFIX = ".adding-"
 """Prefix of a temporary folder in the models directory for a scene that is being added."""
-REMOVED = ".removed-"
+REMOVED_PREFIX = ".removed-"
 """Prefix of a temporary folder in the models directory for a scene that is being removed."""
 MAX_ID_BYTES = 200
 """Less than the 255 bytes that file systems allow, to leave room for endings and names of temporary files."""
-AS_IT_IS = {"Accept-Encoding": "identity"}
-ENDINGS = {"PLY": ".ply", "compressed PLY": ".compressed.ply", ".splat": ".splat", "SOG": ".sog", STREAMED: ""}
+IDENTITY_ENCODING = {"Accept-Encoding": "identity"}
+FILE_EXTENSIONS = {"PLY": ".ply", "compressed PLY": ".compressed.ply", ".splat": ".splat", "SOG": ".sog", STREAMED: ""}
 """File endings by format. All versions of SPZ are .spz, and SOG folders become a .sog file unless they are streamed."""
 
 
-class NotAdded(TigasError):
+class SceneNotAdded(TigasError):
     """A scene that was not added."""
 
     status, type, title = 422, "scene-not-added", "The scene was not added"
@@ -62,46 +62,46 @@ def add_scene(source: str, directory: Path, id: str | None, listener: Listener, 
     A SOG scene in a folder becomes one file; a streamed one stays a folder, with all levels. Returns the id, and the
     scene's file. Raises NotAdded, BrokenScene and OSError, all of which leave the directory unchanged.
     """
-    url = _address(source)
+    url = _split_url(source)
     if url and url.scheme not in ("http", "https"):
-        raise NotAdded("Scenes are fetched from http and https addresses only.")
+        raise SceneNotAdded("Scenes are fetched from http and https addresses only.")
     id = id or (scene_id(Path(unquote(url.path))) if url else _local_id(Path(source).resolve()))
     directory.mkdir(parents=True, exist_ok=True)
     check_free(directory, id)
-    with locked_directory(directory, PART) as hidden:
+    with locked_directory(directory, PART_PREFIX) as hidden:
         part = hidden / id
         if url:
             _fetch(source, part, listener, limit)
         else:
             _copy(read_scene_file(Path(source)), part)
-        return id, keep(part, directory, id)
+        return id, install_file(part, directory, id)
 
 
 def check_free(directory: Path, id: str) -> None:
     """Raise NotAdded if a new scene cannot have this id."""
     if not is_safe_name(id):
-        raise NotAdded(f"{id[:100]!r} cannot be a scene's name: use only letters, digits, spaces and _.()+-.")
+        raise SceneNotAdded(f"{id[:100]!r} cannot be a scene's name: use only letters, digits, spaces and _.()+-.")
     if (size := len(id.encode())) > MAX_ID_BYTES:
-        raise NotAdded(f"A scene's name has at most {MAX_ID_BYTES} bytes in UTF-8, and this one has {size}.")
+        raise SceneNotAdded(f"A scene's name has at most {MAX_ID_BYTES} bytes in UTF-8, and this one has {size}.")
     if (other := scene_id(Path(f"{id}.ply"))) != id:
-        raise NotAdded(f"{id} cannot be a scene's name: its file would be the scene {other}.")
+        raise SceneNotAdded(f"{id} cannot be a scene's name: its file would be the scene {other}.")
     if id in BUILTIN or id in scene_paths(directory):
-        raise NotAdded(f"There is a scene {id} already; choose another name.")
+        raise SceneNotAdded(f"There is a scene {id} already; choose another name.")
 
 
-def keep(part: Path, directory: Path, id: str) -> SceneFile:
+def install_file(part: Path, directory: Path, id: str) -> SceneFile:
     """Check a whole file, and move it into the directory as a scene. Raises the same errors as `add_scene`."""
     file = read_scene_file(part)
     file.check()
     check_free(directory, id)
-    path = directory / f"{id}{ENDINGS.get(file.format, '.spz')}"
+    path = directory / f"{id}{FILE_EXTENSIONS.get(file.format, '.spz')}"
     to_disk(part)
     try:
         move_new(part, path)
     except OSError as error:
         if error.errno != errno.EXDEV:
             raise
-        with locked_directory(directory, PART) as hidden:  # the folder of uploads may be a separate mount
+        with locked_directory(directory, PART_PREFIX) as hidden:  # the folder of uploads may be a separate mount
             copy = hidden / id
             check_room(directory, part.stat().st_size)
             _copy_file(part, copy)
@@ -136,53 +136,53 @@ def _copy_file(path: Path, target: Path) -> None:
         shutil.copyfileobj(source, copy, COPY_BYTES)
 
 
-def shown(source: str) -> str:
+def display_name(source: str) -> str:
     """A source for display: a path, or a URL without user, password and query. Raises NotAdded."""
-    url = _address(source)
+    url = _split_url(source)
     return f"{url.scheme}://{url.netloc.rpartition('@')[2]}{url.path}" if url else source
 
 
-def _address(source: str) -> SplitResult | None:
+def _split_url(source: str) -> SplitResult | None:
     """The parts of a URL; None for a path. Raises NotAdded if the URL is invalid."""
     if "://" not in source:
         return None
     try:
         return urlsplit(source)
     except ValueError:
-        raise NotAdded("The scene's address is not valid.") from None
+        raise SceneNotAdded("The scene's address is not valid.") from None
 
 
 def _fetch(url: str, part: Path, listener: Listener, limit: int) -> None:
-    too_large = NotAdded(f"{shown(url)} is larger than {limit / 1e9:g} GB; download it, and add the file.")
+    too_large = SceneNotAdded(f"{display_name(url)} is larger than {limit / 1e9:g} GB; download it, and add the file.")
     try:
         with (
-            httpx.stream("GET", url, headers=AS_IT_IS, follow_redirects=True, timeout=TIMEOUT_S) as answer,
+            httpx.stream("GET", url, headers=IDENTITY_ENCODING, follow_redirects=True, timeout=TIMEOUT_S) as answer,
             part.open("wb") as target,
         ):
             if answer.status_code != 200:
-                raise NotAdded(f"{shown(url)} answers with {answer.status_code} {answer.reason_phrase}.")
+                raise SceneNotAdded(f"{display_name(url)} answers with {answer.status_code} {answer.reason_phrase}.")
             size = int(answer.headers.get("Content-Length") or 0)
             if size > limit:
                 raise too_large
             got = 0
-            patience = IdleTimeout(TIMEOUT_S, LEAST_BYTES_PER_S, time.monotonic())
+            patience = IdleTimeout(TIMEOUT_S, MIN_BYTES_PER_S, time.monotonic())
             for content in answer.iter_raw():  # chunks of any size: waiting for full ones would hide a trickle
                 check_room(part.parent, max(len(content), size - got))
                 got += len(content)
                 if got > limit:
                     raise too_large
                 if (now := time.monotonic()) > patience.until:
-                    raise NotAdded(f"{shown(url)} is too slow; the download was aborted.")
+                    raise SceneNotAdded(f"{display_name(url)} is too slow; the download was aborted.")
                 patience.progress(len(content), now)
                 target.write(content)
                 if size:
                     listener(got / size)
     except (httpx.HTTPError, httpx.InvalidURL) as error:
         reason = str(error).rstrip(".") or type(error).__name__
-        raise NotAdded(f"{shown(url)} cannot be fetched: {reason}.") from None
+        raise SceneNotAdded(f"{display_name(url)} cannot be fetched: {reason}.") from None
 
 
-def _changing(directory: Path) -> AbstractContextManager[object]:
+def _lock_directory(directory: Path) -> AbstractContextManager[object]:
     """Serialise the changes to a directory's scenes, so that no change is lost."""
     return lock_directory(directory.resolve())
 
@@ -193,13 +193,13 @@ def remove_scene(directory: Path, id: str) -> None:
     Raises UnknownScene and OSError.
     """
     with ExitStack() as after:
-        with _changing(directory):
+        with _lock_directory(directory):
             path = _path(directory, id)
             if path.is_symlink() or not path.is_dir():
                 path.unlink()
                 metadata_path(path).unlink(missing_ok=True)
                 return
-            hidden = after.enter_context(locked_directory(directory, REMOVED))
+            hidden = after.enter_context(locked_directory(directory, REMOVED_PREFIX))
             path.rename(hidden / id)  # removes the scene in one step, although deleting its files may take long
         shutil.rmtree(hidden / id)
 
@@ -209,7 +209,7 @@ def rename_scene(directory: Path, id: str, name: str) -> None:
 
     Raises UnknownScene, NotAdded if it cannot have the new id, and OSError.
     """
-    with _changing(directory):
+    with _lock_directory(directory):
         path = _path(directory, id)
         check_free(directory, name)
         _rename(directory, path, name)
@@ -251,15 +251,15 @@ def edit_scene(directory: Path, id: str, edit: SceneEdit) -> None:
     Raises UnknownScene, InvalidRequest if the result is invalid, BrokenScene if the metadata is already invalid, and
     OSError. Nothing is changed in these cases.
     """
-    with _changing(directory):
+    with _lock_directory(directory):
         path = _path(directory, id)
         metadata = read_metadata(path).model_dump(mode="json", exclude_unset=True)
-        merged = _merged(metadata, edit.model_dump(mode="json", exclude_unset=True))
+        merged = _merge(metadata, edit.model_dump(mode="json", exclude_unset=True))
         parse(SceneMetadata, json.dumps(merged).encode(), MAX_METADATA)
         _write_metadata(path, merged)
 
 
-def _merged(metadata: dict[str, Any], edit: dict[str, Any]) -> dict[str, Any]:
+def _merge(metadata: dict[str, Any], edit: dict[str, Any]) -> dict[str, Any]:
     saved: dict[str, Any] = {
         kind: {name: value for name, value in {**metadata.get(kind, {}), **edit[kind]}.items() if value is not None}
         for kind in ("views", "paths")

@@ -28,10 +28,10 @@ from tigas_render.scenes.scene_file import (
     Rows,
     SceneFile,
     Table,
-    blocks,
-    blocks_of_file,
-    normalised,
+    file_blocks,
+    normalise,
     read_start,
+    row_blocks,
 )
 
 MAX_HEADER = 64 * 1024
@@ -204,7 +204,7 @@ def rest_names(sh_degree: int) -> list[str]:
 
 
 def _binary_rows(path: Path, file_bytes: int, table: Table, listener: Listener) -> Iterator[Rows]:
-    for file, rows in blocks_of_file(path, file_bytes, table.count, listener):
+    for file, rows in file_blocks(path, file_bytes, table.count, listener):
         yield table.rows(file, rows.start, rows.stop)
 
 
@@ -217,7 +217,7 @@ def _ascii_rows(
         lines = iter(lambda: file.readline(MAX_HEADER), "")  # bounded, because the file may have no line ends at all
         for _ in itertools.islice(lines, skip_lines):
             pass
-        for rows in blocks(count, listener):
+        for rows in row_blocks(count, listener):
             some = list(itertools.islice(lines, rows.stop - rows.start))
             if rows.start + len(some) < rows.stop:
                 raise BrokenScene(
@@ -248,7 +248,7 @@ def _decode(rows: Callable[[Listener], Iterator[Rows]], sh_degree: int, listener
             opacities = 1 / (1 + np.exp(-values[:, 6]))
             columns.means[:] = values[:, 0:3]
             columns.scales[:] = np.exp(values[:, 7:10])
-            columns.quaternions[:] = normalised(values[:, 10:14])
+            columns.quaternions[:] = normalise(values[:, 10:14])
             columns.opacities[:] = np.where(np.isfinite(values).all(1), opacities, np.nan)
             columns.sh[:, 0] = values[:, 3:6]
             rest = _values(block, rest_names(sh_degree)).reshape(len(block), 3, -1 if sh_degree else 0)

@@ -16,13 +16,13 @@ from tigas_common.errors import BrokenScene, NoRoom, OutOfDeviceMemory, SceneInU
 from tigas_common.wire.render import SceneInfo
 from tigas_render.gaussians import Batches
 from tigas_render.raster.base import PreparedScene
-from tigas_render.scenes.coarse import CoarseScenes
+from tigas_render.scenes.coarse import CoarseSceneCache
 from tigas_render.scenes.demo import DEMO_SOURCE
 from tigas_render.scenes.directory import scan_directory
 from tigas_render.scenes.entry import Entry, LoadedScene, LoadingEnded
 from tigas_render.scenes.source import SceneSource
 from tigas_render.scenes.start_view.statistics import SceneStatistics
-from tigas_render.scenes.start_view.view import KeptViews, StartView, given_view
+from tigas_render.scenes.start_view.view import StartView, StartViewCache, view_from_metadata
 
 _log = logging.getLogger(__name__)
 
@@ -30,7 +30,7 @@ BUILTIN: Mapping[str, SceneSource] = {DEMO_SOURCE.id: DEMO_SOURCE}
 """Scenes that are part of the package. A scene with the same id in the models directory replaces them."""
 COARSE_SAMPLE = 12_500
 """Number of Gaussians from which a coarse scene's start view is derived; takes half a second."""
-READ_AT_ONCE = 2
+MAX_CONCURRENT_READS = 2
 """Number of scenes read at a time, each of which occupies a worker thread for long; the same for coarse scenes."""
 IN_USE_S = 30.0
 """Seconds for which a scene counts as in use after its last frame, because a viewer may just be standing still."""
@@ -52,8 +52,8 @@ class SceneRegistry:
         *,
         builtin: Mapping[str, SceneSource] = BUILTIN,
         own_ladders: bool = True,
-        views: KeptViews | None = None,
-        coarse: CoarseScenes | None = None,
+        views: StartViewCache | None = None,
+        coarse: CoarseSceneCache | None = None,
         memory_budget: int,
         idle_s: float,
         clock: Callable[[], float],
@@ -68,12 +68,12 @@ class SceneRegistry:
         """Limit of all loaded scenes together, in bytes."""
         self._idle_s = idle_s
         self._clock = clock
-        self._entries = {id: Entry(source) for id, source in self._offered(builtin).items()}
+        self._entries = {id: Entry(source) for id, source in self._apply_ladder_setting(builtin).items()}
         self._retired: set[Entry] = set()  # removed from the directory or replaced there, but still in use
-        self._reading = asyncio.Semaphore(READ_AT_ONCE)
-        self._reading_coarse = asyncio.Semaphore(READ_AT_ONCE)
-        self._scanning = asyncio.Lock()
-        self._scans_asked = self._scans_done = 0
+        self._read_limit = asyncio.Semaphore(MAX_CONCURRENT_READS)
+        self._coarse_read_limit = asyncio.Semaphore(MAX_CONCURRENT_READS)
+        self._scan_lock = asyncio.Lock()
+        self._scans_requested = self._scans_done = 0
         self._closed = False
 
     async def scan(self) -> None:
@@ -83,39 +83,39 @@ class SceneRegistry:
         cannot be read. Scans run one at a time, so that an older listing never replaces a newer one; concurrent callers
         share the next scan.
         """
-        self._scans_asked += 1
-        asked = self._scans_asked
-        async with self._scanning:
+        self._scans_requested += 1
+        asked = self._scans_requested
+        async with self._scan_lock:
             if self._scans_done < asked:
-                started = self._scans_asked
+                started = self._scans_requested
                 try:
-                    self._apply(*await asyncio.to_thread(self._scan))
+                    self._update_entries(*await asyncio.to_thread(self._read_directory))
                 except OSError as error:
                     _log.warning("%s cannot be read: %s", self._directory, error.strerror or error)
                 self._scans_done = started
 
-    def _scan(self) -> tuple[Mapping[str, SceneSource], Mapping[str, StartView]]:
+    def _read_directory(self) -> tuple[Mapping[str, SceneSource], Mapping[str, StartView]]:
         """The scenes of the directory, and their start views as far as known. Runs in a worker thread."""
         found = scan_directory(self._directory) if self._directory else {}
-        views = {id: self._known_view(source) for id, source in found.items()}
+        views = {id: self._cached_view(source) for id, source in found.items()}
         return found, {id: view for id, view in views.items() if view is not None}
 
-    def _known_view(self, source: SceneSource) -> StartView | None:
-        return given_view(source.metadata) or (self._views.read(source) if self._views else None)
+    def _cached_view(self, source: SceneSource) -> StartView | None:
+        return view_from_metadata(source.metadata) or (self._views.read(source) if self._views else None)
 
-    def _apply(self, found: Mapping[str, SceneSource], views: Mapping[str, StartView]) -> None:
+    def _update_entries(self, found: Mapping[str, SceneSource], views: Mapping[str, StartView]) -> None:
         """Offer the scan's scenes and the built-in ones."""
         old = self._entries
         self._entries = {}
-        for id, source in sorted(self._offered({**self._builtin, **found}).items()):
+        for id, source in sorted(self._apply_ladder_setting({**self._builtin, **found}).items()):
             entry = old.pop(id, None)
             if entry is not None and entry.source.version == source.version and not (entry.error or source.error):
-                entry.source, entry.view = source, views.get(id) or _turned(entry.view, source)
+                entry.source, entry.view = source, views.get(id) or _with_new_up(entry.view, source)
                 if entry.loaded is not None:
                     entry.loaded = replace(entry.loaded, source=source, view=entry.view or entry.loaded.view)
                 self._entries[id] = entry
                 continue
-            if entry is not None and entry.loaded is not None and _may_be_same(entry.source, source):
+            if entry is not None and entry.loaded is not None and _is_possibly_same(entry.source, source):
                 _log.warning("%s stays loaded, unchanged: %s", id, source.error)
                 self._entries[id] = entry
                 continue
@@ -126,15 +126,15 @@ class SceneRegistry:
         for entry in old.values():
             self._retire(entry)
 
-    def _offered(self, sources: Mapping[str, SceneSource]) -> Mapping[str, SceneSource]:
+    def _apply_ladder_setting(self, sources: Mapping[str, SceneSource]) -> Mapping[str, SceneSource]:
         if self._own_ladders:
             return sources
         return {id: replace(source, ladder=None) for id, source in sources.items()}
 
-    def infos(self) -> list[SceneInfo]:
+    def scene_infos(self) -> list[SceneInfo]:
         """All scenes, sorted by id, without saved views and paths, because there may be many."""
         left_out: Mapping[str, object] = {"views": {}, "paths": {}}
-        return [self._info(entry).model_copy(update=left_out) for entry in self._entries.values()]
+        return [self._entry_info(entry).model_copy(update=left_out) for entry in self._entries.values()]
 
     def memory(self) -> dict[str, int]:
         """Memory of loaded and loading scenes in bytes by id, including removed scenes that are still in use."""
@@ -147,9 +147,9 @@ class SceneRegistry:
     def has(self, scene_id: str) -> bool:
         return scene_id in self._entries
 
-    def info(self, scene_id: str) -> SceneInfo:
+    def scene_info(self, scene_id: str) -> SceneInfo:
         """One scene. Raises UnknownScene."""
-        return self._info(self._entry(scene_id))
+        return self._entry_info(self._entry(scene_id))
 
     def source(self, scene_id: str) -> SceneSource:
         """A scene's source. Raises UnknownScene."""
@@ -171,9 +171,9 @@ class SceneRegistry:
         if self._entry(scene_id).error is not None:
             await self.scan()
         async with SceneUse(self, scene_id, coarse=coarse):
-            self._entry(scene_id).leaving = False
+            self._entry(scene_id).unload_when_unused = False
 
-    def viewed(self, scene_id: str) -> None:
+    def mark_viewed(self, scene_id: str) -> None:
         """Note that a viewer has received a frame of this scene. Unknown ids are ignored."""
         if (entry := self._entries.get(scene_id)) is not None:
             entry.last_viewed = self._clock()
@@ -189,8 +189,8 @@ class SceneRegistry:
                 f"{entry.source.name} is in use, or was less than {IN_USE_S:.0f} seconds ago; unload it once nobody"
                 " views it."
             )
-        entry.leaving = True
-        self._drop_if_leaving(entry)
+        entry.unload_when_unused = True
+        self._unload_if_unused(entry)
 
     def evict(self) -> bool:
         """Unload the least recently used scene that is not in use; False if there is no such scene."""
@@ -199,7 +199,7 @@ class SceneRegistry:
             return False
         victim = min(victims, key=lambda entry: entry.last_used)
         _log.info("Unloaded %s: the device's memory is full", victim.source.id)
-        self._drop(victim)
+        self._unload(victim)
         return True
 
     def evict_idle(self, now: float) -> None:
@@ -207,7 +207,7 @@ class SceneRegistry:
         for entry in self._entries.values():
             if entry.loaded and not entry.users and now - entry.last_used >= self._idle_s:
                 _log.info("Unloaded %s: unused for %.0f s", entry.source.id, now - entry.last_used)
-                self._drop(entry)
+                self._unload(entry)
 
     def close(self) -> None:
         """Abort all loading, even of awaited scenes, because the service is stopping."""
@@ -217,7 +217,7 @@ class SceneRegistry:
         entry = self._entry(scene_id)
         entry.users += 1
         try:
-            while (scene := entry.usable(coarse=coarse)) is None:
+            while (scene := entry.available(coarse=coarse)) is None:
                 await self._wait_until_loaded(entry, coarse=coarse)
         except BaseException:
             self._release(entry)
@@ -228,11 +228,11 @@ class SceneRegistry:
         if entry.error is not None:
             raise BrokenScene(entry.error)
         if entry.loading is None:
-            entry.begun.clear()
+            entry.coarse_settled.clear()
             entry.loading = asyncio.create_task(self._load(entry), name=f"load {entry.source.id}")
         loading = entry.loading
         if coarse:
-            await entry.begun.wait()
+            await entry.coarse_settled.wait()
             if entry.coarse is not None:
                 return
         # shielded, because a cancelled waiter must not cancel loading for the others
@@ -245,44 +245,44 @@ class SceneRegistry:
     def _release(self, entry: Entry) -> None:
         entry.users -= 1
         entry.last_used = self._clock()
-        self._drop_if_leaving(entry)
+        self._unload_if_unused(entry)
 
     async def _load(self, entry: Entry) -> TigasError | None:
         """Load an entry; errors are returned, because no waiter may be left to catch them."""
         source, entry.progress = entry.source, 0.0
         try:
-            self._make_room(entry, source.memory_bytes)
-            async with self._reading_coarse:
+            self._reserve_memory(entry, source.memory_bytes)
+            async with self._coarse_read_limit:
                 entry.coarse = await asyncio.to_thread(self._read_coarse, entry)
             if entry.coarse is not None:
                 entry.view = entry.view or entry.coarse.view
-            entry.begun.set()
-            entry.queued = True
-            async with self._reading:
-                entry.queued = False
+            entry.coarse_settled.set()
+            entry.is_queued = True
+            async with self._read_limit:
+                entry.is_queued = False
                 self._check_wanted(entry)
-                self._make_room(entry, source.memory_bytes)  # again, as a queued entry may lose its reservation
-                loaded = await self._read_with_room(entry)
-                self._make_room(entry, loaded.prepared.nbytes)
+                self._reserve_memory(entry, source.memory_bytes)  # again, as a queued entry may lose its reservation
+                loaded = await self._read_or_evict(entry)
+                self._reserve_memory(entry, loaded.prepared.nbytes)
                 self._check_wanted(entry)
                 if source.digest is not None:
                     entry.sha256 = await asyncio.to_thread(source.digest)
         except Exception as error:
-            return self._failed(entry, error)
+            return self._record_failure(entry, error)
         else:
             # a scan may have changed the metadata meanwhile
-            view = given_view(entry.source.metadata) or _turned(loaded.view, entry.source) or loaded.view
+            view = view_from_metadata(entry.source.metadata) or _with_new_up(loaded.view, entry.source) or loaded.view
             entry.loaded = replace(loaded, source=entry.source, view=view)
             entry.view, entry.last_used = view, self._clock()
             _log.info("Loaded %s: %d Gaussians, %.1f MB", source.id, loaded.gaussians, loaded.prepared.nbytes / 1e6)
             return None
         finally:
             entry.loading = entry.coarse = None
-            entry.queued = False
-            entry.begun.set()
-            self._drop_if_leaving(entry)
+            entry.is_queued = False
+            entry.coarse_settled.set()
+            self._unload_if_unused(entry)
 
-    def _failed(self, entry: Entry, error: Exception) -> TigasError:
+    def _record_failure(self, entry: Entry, error: Exception) -> TigasError:
         """Record why an entry was not loaded, and return the error for its waiters."""
         name = entry.source.name
         if isinstance(error, OSError):  # the file was renamed or removed meanwhile
@@ -296,7 +296,7 @@ class SceneRegistry:
         _log.warning("%s was not loaded: %s", entry.source.id, error.detail)
         return error
 
-    async def _read_with_room(self, entry: Entry) -> LoadedScene:
+    async def _read_or_evict(self, entry: Entry) -> LoadedScene:
         """Read a scene; if the device's memory is full, retry once after unloading another."""
         try:
             return await asyncio.to_thread(self._read, entry)
@@ -317,7 +317,7 @@ class SceneRegistry:
         except (BrokenScene, OSError, OutOfDeviceMemory) as error:
             _log.warning("%s cannot be shown while it loads: %s", source.id, error)
             return None
-        view = entry.view or self._known_view(source) or statistics.view(source.metadata)
+        view = entry.view or self._cached_view(source) or statistics.view(source.metadata)
         return LoadedScene(source, prepared, statistics.count, view, is_coarse=True)
 
     def _read(self, entry: Entry) -> LoadedScene:
@@ -333,7 +333,7 @@ class SceneRegistry:
             prepared = self._pack(replace(scene, check=lambda: self._check_wanted(entry)))
         except OutOfDeviceMemory as error:
             raise error.with_traceback(None) from None  # the traceback would keep the allocations alive
-        view = self._known_view(source)
+        view = self._cached_view(source)
         if view is None:
             view = statistics.view(source.metadata)
             if self._views is not None:
@@ -346,10 +346,10 @@ class SceneRegistry:
         """Raise LoadingEnded if loading an entry has become pointless. May be called in a worker thread."""
         if self._closed:
             raise LoadingEnded(f"{entry.source.name} was not loaded, as the service is stopping.")
-        if entry.leaving and not entry.users:
+        if entry.unload_when_unused and not entry.users:
             raise LoadingEnded(f"{entry.source.name} was unloaded while it was loading.")
 
-    def _make_room(self, entry: Entry, needed: int) -> None:
+    def _reserve_memory(self, entry: Entry, needed: int) -> None:
         """Reserve `needed` bytes, evicting unused scenes, least recently used first. Raises BrokenScene and NoRoom."""
         if needed > self.budget:
             raise BrokenScene(
@@ -369,24 +369,24 @@ class SceneRegistry:
                 break
             excess -= victim.reserved
             _log.info("Unloaded %s to make room for %s", victim.source.id, entry.source.id)
-            self._drop(victim)
+            self._unload(victim)
         entry.reserved = needed
 
     def _retire(self, entry: Entry) -> None:
-        entry.leaving = True
+        entry.unload_when_unused = True
         self._retired.add(entry)
-        self._drop_if_leaving(entry)
+        self._unload_if_unused(entry)
 
-    def _drop_if_leaving(self, entry: Entry) -> None:
-        if not entry.leaving or entry.users:
+    def _unload_if_unused(self, entry: Entry) -> None:
+        if not entry.unload_when_unused or entry.users:
             return
         if entry.loading is None:
-            self._drop(entry)
-        elif entry.queued:
+            self._unload(entry)
+        elif entry.is_queued:
             entry.reserved = 0
 
-    def _drop(self, entry: Entry) -> None:
-        entry.loaded, entry.reserved, entry.leaving = None, 0, False
+    def _unload(self, entry: Entry) -> None:
+        entry.loaded, entry.reserved, entry.unload_when_unused = None, 0, False
         self._retired.discard(entry)
 
     def _entry(self, scene_id: str) -> Entry:
@@ -395,7 +395,7 @@ class SceneRegistry:
         except KeyError:
             raise UnknownScene(f"There is no scene {scene_id[:100]!r}.") from None
 
-    def _info(self, entry: Entry) -> SceneInfo:
+    def _entry_info(self, entry: Entry) -> SceneInfo:
         builtin = self._builtin.get(entry.source.id)
         return entry.info(builtin=builtin is not None and builtin.version == entry.source.version)
 
@@ -413,7 +413,7 @@ class SceneUse:
     def enter_if_loaded(self) -> LoadedScene | None:
         """The scene; None if it must be loaded first. Raises UnknownScene."""
         entry = self._registry._entry(self._scene_id)
-        scene = entry.usable(coarse=self._coarse)
+        scene = entry.available(coarse=self._coarse)
         if scene is not None:
             entry.users += 1
             self._entry = entry
@@ -437,12 +437,12 @@ class SceneUse:
         self.leave()
 
 
-def _may_be_same(before: SceneSource, now: SceneSource) -> bool:
+def _is_possibly_same(before: SceneSource, now: SceneSource) -> bool:
     """Whether a scene that cannot be read now may be unchanged: its main file is, or could not be read either."""
     return now.is_unread and before.version.startswith(now.version)
 
 
-def _turned(view: StartView | None, source: SceneSource) -> StartView | None:
+def _with_new_up(view: StartView | None, source: SceneSource) -> StartView | None:
     """A scene's previous view, with the up axis of its metadata, if any."""
     up = source.metadata.up
     return view if view is None or up is None else view.model_copy(update={"up": up})

@@ -25,7 +25,7 @@ FARTHEST = 1e9
 """Maximum coordinate and scale in scene units: no camera goes farther, and squares of larger scales overflow."""
 SAMPLE = 1 << 17
 """Approximate number of Gaussians in a large scene's sample, which are read and packed in a quarter of a second."""
-MOST_STEP = 256
+MAX_STEP = 256
 """Maximum step of a sample: the number of Gaussians in a chunk of a compressed PLY."""
 C0 = 0.28209479177387814
 """The spherical harmonic of degree 0: 1 / (2 √π)."""
@@ -54,7 +54,7 @@ class Columns:
     def __len__(self) -> int:
         return len(self.means)
 
-    def only(self, rows: NDArray[np.bool_], sh_degree: int) -> Columns:
+    def select(self, rows: NDArray[np.bool_], sh_degree: int) -> Columns:
         """The selected rows, extended to an equal or higher SH degree with coefficients of 0."""
         some = Columns(int(np.count_nonzero(rows)), sh_degree)
         some.means[:], some.scales[:] = self.means[rows], self.scales[rows]
@@ -98,12 +98,12 @@ class SceneFile:
 
     def with_sample(self, decode: Callable[[int, Listener], Iterator[Columns]]) -> SceneFile:
         """A copy with a sample as its coarse part. decode: reads every nth Gaussian, without SH coefficients."""
-        step = min(MOST_STEP, 1 << max(0, (self.count // SAMPLE).bit_length() - 1))
+        step = min(MAX_STEP, 1 << max(0, (self.count // SAMPLE).bit_length() - 1))
         sample = replace(
             self,
             count=self.count // step,
             sh_degree=0,
-            decode=lambda listener: _enlarged(decode(step, listener), growth(step)),
+            decode=lambda listener: _enlarge(decode(step, listener), enlargement(step)),
         )
         return replace(self, coarse=lambda: sample)
 
@@ -118,7 +118,7 @@ class SceneFile:
 
     def load(self) -> Gaussians:
         """Read and return all drawable Gaussians. Raises BrokenScene."""
-        return self.open(lambda _: None).gathered()
+        return self.open(lambda _: None).read_all()
 
     @property
     def packed_bytes(self) -> int:
@@ -127,7 +127,7 @@ class SceneFile:
 
     def _drawable(self, listener: Listener) -> Iterator[Gaussians]:
         path, count, kept = self.files[0], 0, 0
-        with explained(path):
+        with translate_os_errors(path):
             for columns in self.decode(listener):
                 gaussians = columns.gaussians(antialiased=self.antialiased)
                 count, kept = count + len(columns), kept + len(gaussians)
@@ -139,7 +139,7 @@ class SceneFile:
             _log.warning("%s: dropped %d of %d Gaussians that are not finite, or beyond 10⁹", path, count - kept, count)
 
 
-def growth(times: float) -> np.float32:
+def enlargement(times: float) -> np.float32:
     """The best factor by which to enlarge Gaussians that are `times` fewer, or cover an area `times` smaller.
 
     An exponent of 1/2 would compensate for all of the missing area, but gaps are only part of the error.
@@ -147,7 +147,7 @@ def growth(times: float) -> np.float32:
     return np.float32(times ** (3 / 8))
 
 
-def _enlarged(blocks: Iterator[Columns], times: np.float32) -> Iterator[Columns]:
+def _enlarge(blocks: Iterator[Columns], times: np.float32) -> Iterator[Columns]:
     """Enlarge the Gaussians of each block, to close the gaps between them."""
     for columns in blocks:
         columns.scales *= times
@@ -187,11 +187,11 @@ class Table:
             data = b"".join([os.pread(fd, size, begin + row * stride) for row in range(stop - start)])
             stride = size
         if len(data) < (stop - start - 1) * stride + size:
-            raise _changed(Path(file.name))
+            raise _changed_error(Path(file.name))
         return np.ndarray((stop - start,), self.dtype, data, strides=(stride,))
 
 
-def blocks(count: int, listener: Listener) -> Iterator[slice]:
+def row_blocks(count: int, listener: Listener) -> Iterator[slice]:
     """Slices of up to BLOCK rows. The listener is called after each."""
     for start in range(0, count, BLOCK):
         stop = min(start + BLOCK, count)
@@ -199,18 +199,18 @@ def blocks(count: int, listener: Listener) -> Iterator[slice]:
         listener(stop / count)
 
 
-def blocks_of_file(
+def file_blocks(
     path: Path, file_bytes: int, count: int, listener: Listener
 ) -> Iterator[tuple[io.BufferedReader, slice]]:
-    """Open a file, and yield it with each of its `blocks`. Raises OSError, and BrokenScene if its size changes."""
+    """Open a file, and yield it with each of its `row_blocks`. Raises OSError, and BrokenScene if its size changes."""
     with open_regular(path) as file:
-        for rows in blocks(count, listener):
+        for rows in row_blocks(count, listener):
             if os.fstat(file.fileno()).st_size != file_bytes:
-                raise _changed(path)
+                raise _changed_error(path)
             yield file, rows
 
 
-def _changed(path: Path) -> BrokenScene:
+def _changed_error(path: Path) -> BrokenScene:
     return BrokenScene(f"{path.name} changed while it was being read; load it again.")
 
 
@@ -225,7 +225,7 @@ class UnreadScene(BrokenScene):
 
 
 @contextmanager
-def explained(path: Path) -> Iterator[None]:
+def translate_os_errors(path: Path) -> Iterator[None]:
     """Turn OSErrors into BrokenScene, or UnreadScene if the file exists."""
     try:
         yield
@@ -242,7 +242,7 @@ def check_packed_count(name: str, count: int, file_bytes: int) -> None:
         raise BrokenScene(f"{name} promises {count} Gaussians in {file_bytes} bytes; each takes at least one.")
 
 
-def normalised(quaternions: Floats) -> Floats:
+def normalise(quaternions: Floats) -> Floats:
     """Normalise quaternions [N, 4] to length one; NaN for a length of zero."""
     wide = quaternions.astype(np.float64)  # because the square of a float32 may overflow
     with np.errstate(all="ignore"):
@@ -250,10 +250,10 @@ def normalised(quaternions: Floats) -> Floats:
     return wide
 
 
-def with_largest(others: Floats, largest: NDArray[np.integer[Any]]) -> Floats:
+def add_largest(others: Floats, largest: NDArray[np.integer[Any]]) -> Floats:
     """Unit quaternions [N, 4] from three components [N, 3]; the missing one, at index `largest` [N], is positive."""
     quaternions = np.empty((len(others), 4), np.float64)
     quaternions[np.arange(4) != largest[:, None]] = others.reshape(-1)
     missing = np.sqrt(np.maximum(0, 1 - (others.astype(np.float64) ** 2).sum(1)))
     quaternions[np.arange(len(others)), largest] = missing
-    return normalised(quaternions)
+    return normalise(quaternions)

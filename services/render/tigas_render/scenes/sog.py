@@ -28,16 +28,16 @@ from tigas_render.scenes.scene_file import (
     Columns,
     Listener,
     SceneFile,
-    blocks,
+    add_largest,
     check_packed_count,
-    explained,
-    with_largest,
+    row_blocks,
+    translate_os_errors,
 )
-from tigas_render.scenes.sog_files import META, Read, opened
+from tigas_render.scenes.sog_files import META, Read, open_files
 
 MAX_META = 256 * 1024
 """Maximum size of a meta.json in bytes; three codebooks take about 15,000."""
-MOST_COUNT = 1 << 27
+MAX_COUNT = 1 << 27
 """Maximum number of Gaussians; more do not fit in a WebP image that Pillow opens."""
 PALETTE_WIDTH = 64
 """Number of palette entries per row of its image."""
@@ -45,7 +45,7 @@ PALETTE_WIDTH = 64
 PLAIN_NAME = re.compile(r"[\w-][\w .-]{0,99}", re.ASCII)
 SPARE_PIXELS = 1 << 16
 """Pixels allowed beyond two per Gaussian, because rows are whole and small scenes may have large images."""
-MOST_IMAGE_BYTES = 1 << 30
+MAX_IMAGE_BYTES = 1 << 30
 STRIP_ROWS = 64
 """Number of rows copied from a decoded image at a time."""
 LOSSLESS, EXTENDED = b"VP8L", b"VP8X"
@@ -109,7 +109,7 @@ class SogMeta(_Part):
     """The content of a meta.json."""
 
     version: Literal[2]
-    count: int = Field(ge=1, le=MOST_COUNT)
+    count: int = Field(ge=1, le=MAX_COUNT)
     antialias: bool = False
     model: object = None
     means: Means
@@ -142,12 +142,12 @@ class SogMeta(_Part):
 
 def read_sog(path: Path, *, bundled: bool) -> SceneFile:
     """Describe the scene with this meta.json, or zip. Raises OSError, and BrokenScene, with one sentence."""
-    with opened(path, bundled=bundled) as read:
+    with open_files(path, bundled=bundled) as read:
         meta = _parse_meta(path.name, read(META, MAX_META))
     files = (path,) if bundled else (path, *(path.with_name(name) for name in dict.fromkeys(meta.names)))
     file_bytes = 0
     for file in files:
-        with explained(file):
+        with translate_os_errors(file):
             file_bytes += file.stat().st_size
     check_packed_count(path.name, meta.count, file_bytes)
     format = "SOG" if bundled else "SOG folder"
@@ -166,11 +166,11 @@ def _parse_meta(name: str, content: bytes) -> SogMeta:
 def _decode(
     path: Path, bundled: bool, count: int, sh_degree: int, file_bytes: int, listener: Listener
 ) -> Iterator[Columns]:
-    with opened(path, bundled=bundled) as read:
+    with open_files(path, bundled=bundled) as read:
         meta = _parse_meta(path.name, read(META, MAX_META))
         if (meta.count, meta.sh_degree) != (count, sh_degree):
             raise BrokenScene(f"{path.name} changed while it was being read; load it again.")
-        images = _Images(read, count, min(file_bytes, MOST_IMAGE_BYTES))
+        images = _Images(read, count, min(file_bytes, MAX_IMAGE_BYTES))
         parts: list[Callable[[], _Decoder]]
         parts = [partial(part, meta, images) for part in (_means, _scales, _quaternions, _colours)]
         if meta.shN:
@@ -179,7 +179,7 @@ def _decode(
         for done, part in enumerate(parts, 1):
             decoders.append(part())
             listener(IMAGES_SHARE * done / len(parts))
-    for rows in blocks(meta.count, lambda share: listener(IMAGES_SHARE + (1 - IMAGES_SHARE) * share)):
+    for rows in row_blocks(meta.count, lambda share: listener(IMAGES_SHARE + (1 - IMAGES_SHARE) * share)):
         columns = Columns(rows.stop - rows.start, meta.sh_degree)
         for decode in decoders:
             decode(columns, rows)
@@ -194,12 +194,12 @@ class _Images:
         self._count = count
         self._limit = limit
 
-    def of_gaussians(self, name: str, channels: int) -> _Pixels:
+    def gaussian_pixels(self, name: str, channels: int) -> _Pixels:
         """The Gaussians' pixels in an image, [count, channels]."""
         # allocated before decoding, so that the decoder's memory is at the end of the heap and can be returned
         pixels = np.empty((self._count, channels), np.uint8)
         most = 2 * self._count + SPARE_PIXELS
-        with self._decoded(name, lambda width, height: self._count <= width * height <= most) as image:
+        with self._decode(name, lambda width, height: self._count <= width * height <= most) as image:
             width, height = image.size
             for top in range(0, height, STRIP_ROWS):
                 strip = image.crop((0, top, width, min(top + STRIP_ROWS, height)))
@@ -210,14 +210,14 @@ class _Images:
                 into[:] = rows[: len(into), :channels]
         return pixels
 
-    def of_palette(self, name: str, palette: Palette) -> _Pixels:
+    def palette_pixels(self, name: str, palette: Palette) -> _Pixels:
         """The palette in an image, [palette.count, palette.coefficients, 3]."""
         size = (PALETTE_WIDTH * palette.coefficients, math.ceil(palette.count / PALETTE_WIDTH))
-        with self._decoded(name, lambda width, height: width == size[0] and size[1] <= height <= 1024) as image:
+        with self._decode(name, lambda width, height: width == size[0] and size[1] <= height <= 1024) as image:
             return np.asarray(image)[..., :3].reshape(-1, palette.coefficients, 3)[: palette.count]
 
     @contextmanager
-    def _decoded(self, name: str, fits: Callable[[int, int], bool]) -> Iterator[Image.Image]:
+    def _decode(self, name: str, fits: Callable[[int, int], bool]) -> Iterator[Image.Image]:
         content = self._read(name, self._limit)
         size = _webp_size(content)
         if size is None:
@@ -247,7 +247,7 @@ def _webp_size(content: bytes) -> tuple[int, int] | None:
 
 
 def _means(meta: SogMeta, images: _Images) -> _Decoder:
-    lower, upper = (images.of_gaussians(name, 3) for name in meta.means.files)
+    lower, upper = (images.gaussian_pixels(name, 3) for name in meta.means.files)
     start, end = np.array(meta.means.mins), np.array(meta.means.maxs)
 
     def decode(columns: Columns, rows: slice) -> None:
@@ -262,7 +262,7 @@ def _means(meta: SogMeta, images: _Images) -> _Decoder:
 def _scales(meta: SogMeta, images: _Images) -> _Decoder:
     with np.errstate(over="ignore"):
         scales = np.exp(np.array(meta.scales.codebook, np.float32))
-    pixels = images.of_gaussians(meta.scales.files[0], 3)
+    pixels = images.gaussian_pixels(meta.scales.files[0], 3)
 
     def decode(columns: Columns, rows: slice) -> None:
         columns.scales[:] = scales[pixels[rows]]
@@ -271,12 +271,12 @@ def _scales(meta: SogMeta, images: _Images) -> _Decoder:
 
 
 def _quaternions(meta: SogMeta, images: _Images) -> _Decoder:
-    pixels = images.of_gaussians(meta.quats.files[0], 4)
+    pixels = images.gaussian_pixels(meta.quats.files[0], 4)
 
     def decode(columns: Columns, rows: slice) -> None:
         tags = pixels[rows, 3]
         others = (pixels[rows, :3] / 255 * 2 - 1) / math.sqrt(2)
-        quaternions = with_largest(others, np.maximum(tags, FIRST_TAG) - FIRST_TAG)
+        quaternions = add_largest(others, np.maximum(tags, FIRST_TAG) - FIRST_TAG)
         columns.quaternions[:] = np.where(tags[:, None] >= FIRST_TAG, quaternions, (1, 0, 0, 0))
 
     return decode
@@ -284,7 +284,7 @@ def _quaternions(meta: SogMeta, images: _Images) -> _Decoder:
 
 def _colours(meta: SogMeta, images: _Images) -> _Decoder:
     colours = np.array(meta.sh0.codebook, np.float32)
-    pixels = images.of_gaussians(meta.sh0.files[0], 4)
+    pixels = images.gaussian_pixels(meta.sh0.files[0], 4)
 
     def decode(columns: Columns, rows: slice) -> None:
         columns.sh[:, 0] = colours[pixels[rows, :3]]
@@ -295,8 +295,8 @@ def _colours(meta: SogMeta, images: _Images) -> _Decoder:
 
 def _coefficients(palette: Palette, images: _Images) -> _Decoder:
     centroids, labels = palette.files
-    entries = np.array(palette.codebook, np.float32)[images.of_palette(centroids, palette)]
-    pixels = images.of_gaussians(labels, 2)
+    entries = np.array(palette.codebook, np.float32)[images.palette_pixels(centroids, palette)]
+    pixels = images.gaussian_pixels(labels, 2)
 
     def decode(columns: Columns, rows: slice) -> None:
         chosen = pixels[rows, 0] + 256 * pixels[rows, 1].astype(np.int64)

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from tigas_common.errors import BrokenScene
 from tigas_common.files import open_regular
-from tigas_render.scenes.scene_file import explained
+from tigas_render.scenes.scene_file import translate_os_errors
 
 META = "meta.json"
 ZIP = b"PK\x03\x04"
@@ -32,7 +32,7 @@ Read = Callable[[str, int], bytes]
 
 
 @contextmanager
-def opened(path: Path, *, bundled: bool) -> Iterator[Read]:
+def open_files(path: Path, *, bundled: bool) -> Iterator[Read]:
     """Open the scene with this meta.json, or zip, as a context manager. Raises OSError, and BrokenScene if damaged."""
     if not bundled:
         yield lambda name, limit: read_file(path.with_name(path.name if name == META else name), limit)
@@ -42,17 +42,17 @@ def opened(path: Path, *, bundled: bool) -> Iterator[Read]:
             _check_directory(path.name, file)
             bundle = zipfile.ZipFile(file)
         except (zipfile.BadZipFile, NotImplementedError, ValueError, struct.error) as error:
-            raise BrokenScene(f"{path.name} is a damaged zip: {_reason(error)}.") from None
+            raise BrokenScene(f"{path.name} is a damaged zip: {_failure_reason(error)}.") from None
         with bundle:
             yield partial(_read_entry, path.name, bundle)
 
 
 def read_file(path: Path, limit: int) -> bytes:
     """Read a file. Raises BrokenScene if it has more than `limit` bytes or cannot be read."""
-    with explained(path), open_regular(path) as file:
+    with translate_os_errors(path), open_regular(path) as file:
         size = os.fstat(file.fileno()).st_size
         content = file.read(min(size, limit) + 1)  # `read` allocates all of the requested size at once
-    return _within(path.name, content, limit)
+    return _limit_size(path.name, content, limit)
 
 
 def _read_entry(bundle_name: str, bundle: zipfile.ZipFile, name: str, limit: int) -> bytes:
@@ -65,8 +65,8 @@ def _read_entry(bundle_name: str, bundle: zipfile.ZipFile, name: str, limit: int
     except KeyError:
         raise BrokenScene(f"{bundle_name} has no {name} in it.") from None
     except _UNREADABLE as error:
-        raise BrokenScene(f"{bundle_name} has a {name} that cannot be read: {_reason(error)}.") from None
-    return _within(name, content, limit)
+        raise BrokenScene(f"{bundle_name} has a {name} that cannot be read: {_failure_reason(error)}.") from None
+    return _limit_size(name, content, limit)
 
 
 def _check_directory(name: str, file: io.BufferedReader) -> None:
@@ -83,11 +83,11 @@ def _check_directory(name: str, file: io.BufferedReader) -> None:
     file.seek(0)
 
 
-def _within(name: str, content: bytes, limit: int) -> bytes:
+def _limit_size(name: str, content: bytes, limit: int) -> bytes:
     if len(content) > limit:
         raise BrokenScene(f"{name} is larger than {limit} bytes, the maximum.")
     return content
 
 
-def _reason(error: Exception) -> str:
+def _failure_reason(error: Exception) -> str:
     return str(error).rstrip(".") or type(error).__name__

@@ -19,13 +19,13 @@ from tigas_common.parsing import parse
 from tigas_common.wire.model import Entries, Point, Unit, WireModel
 from tigas_common.wire.render import MAX_PATHS, MAX_VIEWS, Rung, SavedName, SavedPath, SavedView, StartCamera
 from tigas_render.gaussians import Batches, Gaussians
-from tigas_render.scenes.scene_file import Listener, SceneFile, explained
+from tigas_render.scenes.scene_file import Listener, SceneFile, translate_os_errors
 
 METADATA, LADDER = "scene.json", "ladder.json"
 """File names in a scene's folder."""
 DEFAULT_UP: Point = (0.0, -1.0, 0.0)
 """The usual up axis of captures, which have OpenCV's axes: y points down."""
-SHORTEST_UP = 1e-6
+MIN_UP_LENGTH = 1e-6
 """Minimum length of an up vector's largest component; the square of a much shorter vector underflows to 0."""
 MAX_RUNGS = 16
 MAX_METADATA = 1 << 20
@@ -46,14 +46,14 @@ class SceneMetadata(WireModel):
     paths: dict[SavedName, SavedPath] = Field(default_factory=dict)
 
     @property
-    def look(self) -> str:
+    def appearance_key(self) -> str:
         """All metadata that images and downloads depend on, as a part of their cache keys."""
         return self.model_dump_json(exclude={"views", "paths"})
 
     @field_validator("up")
     @classmethod
     def _check_up(cls, up: Point | None) -> Point | None:
-        if up is not None and max(map(abs, up)) < SHORTEST_UP:
+        if up is not None and max(map(abs, up)) < MIN_UP_LENGTH:
             raise ValueError("a vector of length zero points nowhere")
         return up
 
@@ -117,7 +117,7 @@ def read_ladder(scene: Path) -> tuple[Rung, ...] | None:
 
 
 def _read_json(path: Path, kind: type[Content]) -> Content | None:
-    with explained(path):
+    with translate_os_errors(path):
         try:
             with open_regular(path) as file:
                 content = file.read(MAX_METADATA + 1)
@@ -181,4 +181,4 @@ class SceneSource:
 
     def load(self) -> Gaussians:
         """Read and return all Gaussians. Raises BrokenScene."""
-        return self.read(lambda _: None).gathered()
+        return self.read(lambda _: None).read_all()

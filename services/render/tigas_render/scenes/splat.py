@@ -21,8 +21,8 @@ from tigas_render.scenes.scene_file import (
     Rows,
     SceneFile,
     Table,
-    blocks_of_file,
-    normalised,
+    file_blocks,
+    normalise,
     read_start,
 )
 
@@ -52,12 +52,12 @@ def read_splat(path: Path) -> SceneFile:
 
 
 def _decode(path: Path, file_bytes: int, table: Table, listener: Listener) -> Iterator[Columns]:
-    for file, block in blocks_of_file(path, file_bytes, table.count, listener):
+    for file, block in file_blocks(path, file_bytes, table.count, listener):
         records = table.rows(file, block.start, block.stop)
         columns = Columns(len(records), 0)
         columns.means[:] = records["position"]
         columns.scales[:] = records["scale"]
-        columns.quaternions[:] = normalised(_quaternions(records))
+        columns.quaternions[:] = normalise(_quaternions(records))
         columns.opacities[:] = records["colour"][:, 3] / np.float32(255)
         columns.sh[:, 0] = (records["colour"][:, :3] / np.float32(255) - 0.5) / C0
         yield columns

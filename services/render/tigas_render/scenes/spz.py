@@ -33,10 +33,10 @@ from tigas_render.scenes.scene_file import (
     Floats,
     Listener,
     SceneFile,
-    blocks,
+    add_largest,
     check_packed_count,
-    normalised,
-    with_largest,
+    normalise,
+    row_blocks,
 )
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ MAGIC = b"NGSP"
 GZIP = b"\x1f\x8b"
 COLOUR_SCALE = 0.15
 """Scale of the first coefficient: a byte spans 1 / 0.15, since other coefficients may bring colours back to 0 to 1."""
-MOST_FRACTIONAL_BITS = 24
+MAX_FRACTIONAL_BITS = 24
 PACKED_BYTES = 1 << 16
 
 _HEADER = struct.Struct("<4sIIBBBB")
@@ -61,7 +61,7 @@ class _Stream(Protocol):
     def read(self, size: int, /) -> bytes: ...
 
 
-class _At(io.RawIOBase):
+class _FileView(io.RawIOBase):
     """A view of a file from an offset, with an independent position."""
 
     def __init__(self, file: io.BufferedReader, at: int) -> None:
@@ -77,7 +77,7 @@ class _At(io.RawIOBase):
         return count
 
 
-class _Inflated:
+class _GzipReader:
     """A gzip stream, unpacked on demand. Python's own reader would read a header of any length byte by byte."""
 
     def __init__(self, file: io.BufferedReader) -> None:
@@ -113,7 +113,7 @@ class _Header:
 
 def read_spz(path: Path) -> SceneFile:
     """Describe a file. Raises OSError, and BrokenScene, with one sentence, if its header is unreadable."""
-    with _opened(path) as file:
+    with _open(path) as file:
         file_bytes = file.seek(0, io.SEEK_END)
         file.seek(0)
         header, antialiased = _read_header(path.name, file, file_bytes)
@@ -122,13 +122,13 @@ def read_spz(path: Path) -> SceneFile:
 
 
 def _decode(path: Path, header: _Header, listener: Listener) -> Iterator[Columns]:
-    with _opened(path) as file:
+    with _open(path) as file:
         streams = _column_streams(path.name, file, header)
-        for block in blocks(header.count, listener):
+        for block in row_blocks(header.count, listener):
             rows = block.stop - block.start
             columns = Columns(rows, header.sh_degree)
             for (column, width), stream in zip(header.widths.items(), streams, strict=True):
-                content = np.frombuffer(_exactly(path.name, stream, rows * width), np.uint8)
+                content = np.frombuffer(_read_exactly(path.name, stream, rows * width), np.uint8)
                 _fill(columns, column, content.reshape(rows, width), header)
             yield columns
 
@@ -136,19 +136,19 @@ def _decode(path: Path, header: _Header, listener: Listener) -> Iterator[Columns
 def _column_streams(name: str, file: io.BufferedReader, header: _Header) -> list[_Stream]:
     """A reader for each column."""
     if header.version == 4:
-        return [zstandard.ZstdDecompressor().stream_reader(_from(file, start)) for start in header.starts]
+        return [zstandard.ZstdDecompressor().stream_reader(_reader_at(file, start)) for start in header.starts]
     streams: list[_Stream] = []
     skipped = _HEADER.size
     for width in header.widths.values():
-        streams.append(_Inflated(_from(file, 0)))
+        streams.append(_GzipReader(_reader_at(file, 0)))
         for start in range(0, skipped, PACKED_BYTES):
-            _exactly(name, streams[-1], min(PACKED_BYTES, skipped - start))
+            _read_exactly(name, streams[-1], min(PACKED_BYTES, skipped - start))
         skipped += width * header.count
     return streams
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[io.BufferedReader]:
+def _open(path: Path) -> Iterator[io.BufferedReader]:
     try:
         with open_regular(path) as file:
             yield file
@@ -156,8 +156,8 @@ def _opened(path: Path) -> Iterator[io.BufferedReader]:
         raise BrokenScene(f"{path.name} is damaged: {str(error).rstrip('.')}.") from None
 
 
-def _from(file: io.BufferedReader, at: int) -> io.BufferedReader:
-    return io.BufferedReader(_At(file, at), PACKED_BYTES)
+def _reader_at(file: io.BufferedReader, at: int) -> io.BufferedReader:
+    return io.BufferedReader(_FileView(file, at), PACKED_BYTES)
 
 
 def _read_header(name: str, file: io.BufferedReader, file_bytes: int) -> tuple[_Header, bool]:
@@ -165,7 +165,7 @@ def _read_header(name: str, file: io.BufferedReader, file_bytes: int) -> tuple[_
     packed = file.read(2) == GZIP
     file.seek(0)
     magic, version, count, sh_degree, fractional_bits, flags, streams = _HEADER.unpack(
-        _exactly(name, _Inflated(file) if packed else file, _HEADER.size)
+        _read_exactly(name, _GzipReader(file) if packed else file, _HEADER.size)
     )
     if magic != MAGIC:
         raise BrokenScene(f"{name} is not SPZ: it does not begin with {MAGIC.decode()!r}.")
@@ -173,25 +173,25 @@ def _read_header(name: str, file: io.BufferedReader, file_bytes: int) -> tuple[_
         raise BrokenScene(f"{name} has version {version} of SPZ; 2 and 3 in gzip, and 4, can be read.")
     if sh_degree > 3:
         raise BrokenScene(f"{name} has SH degree {sh_degree}; 0 to 3 can be read.")
-    if fractional_bits > MOST_FRACTIONAL_BITS:
+    if fractional_bits > MAX_FRACTIONAL_BITS:
         raise BrokenScene(f"{name} has {fractional_bits} fractional bits in its positions, which have 24.")
     if flags & _EXTENSIONS:
         raise BrokenScene(f"{name} has extensions of SPZ, which cannot be read; export it without them.")
     check_packed_count(name, count, file_bytes)
     header = _Header(version, count, sh_degree, fractional_bits)
     if version == 4:
-        header = replace(header, starts=_starts(name, file, header, streams, file_bytes))
+        header = replace(header, starts=_offsets(name, file, header, streams, file_bytes))
     return header, bool(flags & _ANTIALIASED)
 
 
-def _starts(name: str, file: io.BufferedReader, header: _Header, streams: int, file_bytes: int) -> tuple[int, ...]:
+def _offsets(name: str, file: io.BufferedReader, header: _Header, streams: int, file_bytes: int) -> tuple[int, ...]:
     """Check the table of columns of version 4, and return their offsets. Raises BrokenScene."""
     file.seek(_HEADER.size)
-    (table,) = _TABLE.unpack(_exactly(name, file, _TABLE.size))
+    (table,) = _TABLE.unpack(_read_exactly(name, file, _TABLE.size))
     if streams != len(header.widths):
         raise BrokenScene(f"{name} has {streams} streams where {len(header.widths)} belong.")
     file.seek(table)
-    entries = [_ENTRY.unpack(_exactly(name, file, _ENTRY.size)) for _ in header.widths]
+    entries = [_ENTRY.unpack(_read_exactly(name, file, _ENTRY.size)) for _ in header.widths]
     start, starts = file.tell(), []
     for width, (packed, unpacked) in zip(header.widths.values(), entries, strict=True):
         if unpacked != width * header.count:
@@ -203,7 +203,7 @@ def _starts(name: str, file: io.BufferedReader, header: _Header, streams: int, f
     return tuple(starts)
 
 
-def _exactly(name: str, stream: _Stream, size: int) -> bytes:
+def _read_exactly(name: str, stream: _Stream, size: int) -> bytes:
     parts: list[bytes] = []
     while size > 0:
         part = stream.read(size)
@@ -236,7 +236,7 @@ def _first_three(content: _Bytes) -> Floats:
     """Quaternions w, x, y, z from x, y, z in one byte each, where w is not negative."""
     xyz = content / 127.5 - 1
     w = np.sqrt(np.maximum(0, 1 - (xyz**2).sum(1)))
-    return normalised(np.column_stack((w, xyz)))
+    return normalise(np.column_stack((w, xyz)))
 
 
 def _smallest_three(content: _Bytes) -> Floats:
@@ -244,5 +244,5 @@ def _smallest_three(content: _Bytes) -> Floats:
     words = np.ascontiguousarray(content).view("<u4")[:, 0]
     fields: NDArray[Any] = words[:, None] >> np.array([20, 10, 0], np.uint32) & 1023
     size = (fields & 511) / (511 * np.sqrt(2))
-    xyzw = with_largest(np.where(fields & 512, -size, size), words >> 30)
+    xyzw = add_largest(np.where(fields & 512, -size, size), words >> 30)
     return xyzw[:, [3, 0, 1, 2]]

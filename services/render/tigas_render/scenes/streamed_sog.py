@@ -22,36 +22,36 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 from tigas_common.errors import BrokenScene, InvalidRequest
 from tigas_common.parsing import parse
 from tigas_common.wire.model import Entries
-from tigas_render.scenes.scene_file import Columns, Listener, SceneFile, explained
-from tigas_render.scenes.sog import MOST_COUNT, PLAIN_NAME, read_sog
+from tigas_render.scenes.scene_file import Columns, Listener, SceneFile, translate_os_errors
+from tigas_render.scenes.sog import MAX_COUNT, PLAIN_NAME, read_sog
 from tigas_render.scenes.sog_files import META, read_file
 
 FORMAT = "streamed SOG"
 LOD_META = "lod-meta.json"
 MAX_LOD_META = 16 << 20
 """Maximum size in bytes; a leaf of the tree takes about 500."""
-MOST_FILES = 4096
+MAX_FILES = 4096
 """Maximum number of files of all levels; splat-transform puts half a million Gaussians into each."""
-LEAST_SAVED = 4
+MIN_REDUCTION = 4
 """Factor by which the coarsest level must have fewer Gaussians than the finest to be useful."""
 ENVIRONMENTS = ("environment.sog", f"environment/{META}")
 """Possible environments of a scene that does not name one in its lod-meta.json."""
 
 
-def _checked(name: str) -> str:
+def _check_name(name: str) -> str:
     if not all(map(PLAIN_NAME.fullmatch, name.split("/"))):
         raise ValueError(f"{name[:40]!r} is not a plain name of a file in a folder next to it")
     return name
 
 
-def _without_slash(name: object) -> object:
+def _strip_slash(name: object) -> object:
     return name.removesuffix("/") if isinstance(name, str) else name
 
 
-Name = Annotated[str, Field(max_length=200), AfterValidator(_checked)]
+Name = Annotated[str, Field(max_length=200), AfterValidator(_check_name)]
 Level = Annotated[int, Field(ge=0, lt=64)]
 """Level of detail; 0 is the finest."""
-Index = Annotated[int, Field(ge=0, le=MOST_COUNT)]
+Index = Annotated[int, Field(ge=0, le=MAX_COUNT)]
 """Index of a Gaussian in a file, or a number of Gaussians."""
 
 
@@ -80,9 +80,9 @@ class LodMeta(BaseModel):
 
     version: Literal[1] = 1
     """Missing in files that predate versions."""
-    filenames: Annotated[Entries[Name], Field(max_length=MOST_FILES)]
+    filenames: Annotated[Entries[Name], Field(max_length=MAX_FILES)]
     tree: Node
-    environment: Annotated[Name, BeforeValidator(_without_slash)] | None = None
+    environment: Annotated[Name, BeforeValidator(_strip_slash)] | None = None
     """The scene's environment, which is always drawn: a SOG file, a meta.json, or its folder."""
 
 
@@ -104,12 +104,12 @@ class _Part:
         for run in self.runs:
             chosen[run.start : run.stop] = True
         start = 0
-        with _named(self.name):
+        with _prefix_errors(self.name):
             for columns in self.file.decode(listener):
                 rows = chosen[start : start + len(columns)]
                 start += len(columns)
                 if rows.any():
-                    yield columns.only(rows, sh_degree)
+                    yield columns.select(rows, sh_degree)
 
 
 def read_streamed_sog(path: Path) -> SceneFile:
@@ -125,11 +125,11 @@ def all_files(path: Path) -> Iterator[Path]:
     Raises BrokenScene.
     """
     meta, _ = _read(path)
-    environment = _environment(path.parent, meta.environment)
+    environment = _find_environment(path.parent, meta.environment)
     yield path
     for name in dict.fromkeys((*meta.filenames, *((environment,) if environment else ()))):
         if (path.parent / name).is_file():
-            yield from _part(path, name, None).file.files
+            yield from _read_part(path, name, None).file.files
 
 
 def _read(path: Path) -> tuple[LodMeta, int]:
@@ -144,16 +144,16 @@ def _read(path: Path) -> tuple[LodMeta, int]:
 def _coarsest(finest: SceneFile, path: Path, meta: LodMeta) -> SceneFile | None:
     """The scene at the coarsest level of each leaf; None if that saves little."""
     file = _at_level(max, path, meta, 0)
-    return file if file.count * LEAST_SAVED <= finest.count else None
+    return file if file.count * MIN_REDUCTION <= finest.count else None
 
 
 def _at_level(level: Callable[[list[int]], int], path: Path, meta: LodMeta, meta_bytes: int) -> SceneFile:
     """The scene at the level of each leaf that `level` chooses. meta_bytes: the lod-meta.json's. Raises BrokenScene."""
-    environment = _environment(path.parent, meta.environment)
-    runs_of = _chosen(level, path.name, meta)
-    parts = [_part(path, name, runs) for name, runs in runs_of.items() if name != environment]
+    environment = _find_environment(path.parent, meta.environment)
+    runs_of = _choose_runs(level, path.name, meta)
+    parts = [_read_part(path, name, runs) for name, runs in runs_of.items() if name != environment]
     if environment is not None:
-        parts.append(_part(path, environment, None))
+        parts.append(_read_part(path, environment, None))
     if not parts:
         raise BrokenScene(f"{path.name} has 0 Gaussians, so there is nothing to show.")
     sh_degree = max(part.file.sh_degree for part in parts)
@@ -168,7 +168,7 @@ def _at_level(level: Callable[[list[int]], int], path: Path, meta: LodMeta, meta
     )
 
 
-def _chosen(level: Callable[[list[int]], int], name: str, meta: LodMeta) -> dict[str, list[range]]:
+def _choose_runs(level: Callable[[list[int]], int], name: str, meta: LodMeta) -> dict[str, list[range]]:
     """The Gaussians of each file that belong to the chosen level of a leaf, in file order. Raises BrokenScene."""
     chosen: dict[str, list[range]] = {}
     waiting = [meta.tree]
@@ -191,16 +191,16 @@ def _chosen(level: Callable[[list[int]], int], name: str, meta: LodMeta) -> dict
     return chosen
 
 
-def _environment(folder: Path, named: str | None) -> str | None:
+def _find_environment(folder: Path, named: str | None) -> str | None:
     """Name of the environment's file: as in the lod-meta.json, or found in the scene's folder."""
     if named is not None:
         return f"{named}/{META}" if (folder / named).is_dir() else named
     return next((name for name in ENVIRONMENTS if (folder / name).is_file()), None)
 
 
-def _part(scene: Path, name: str, runs: list[range] | None) -> _Part:
+def _read_part(scene: Path, name: str, runs: list[range] | None) -> _Part:
     """Read the description of a part: these runs of the named file, or all of it. Raises BrokenScene."""
-    with _named(name):
+    with _prefix_errors(name):
         file = read_sog(scene.parent / name, bundled=name.endswith(".sog"))
     runs = [range(file.count)] if runs is None else runs
     if runs[-1].stop > file.count:
@@ -211,15 +211,15 @@ def _part(scene: Path, name: str, runs: list[range] | None) -> _Part:
 def _decode(parts: list[_Part], sh_degree: int, listener: Listener) -> Iterator[Columns]:
     total, done = sum(part.count for part in parts), 0
     for part in parts:
-        yield from part.decode(sh_degree, partial(_heard, listener, done, part.count, total))
+        yield from part.decode(sh_degree, partial(_report_progress, listener, done, part.count, total))
         done += part.count
 
 
-def _heard(listener: Listener, done: int, count: int, total: int, share: float) -> None:
+def _report_progress(listener: Listener, done: int, count: int, total: int, share: float) -> None:
     listener((done + count * share) / total)
 
 
-def streamable(folder: Path, name: str) -> Path | None:
+def find_streamable_file(folder: Path, name: str) -> Path | None:
     """The file that a client may read under this name in a scene's folder; None if there is no such file."""
     path = folder / name
     plain = all(map(PLAIN_NAME.fullmatch, name.split("/")))
@@ -228,10 +228,10 @@ def streamable(folder: Path, name: str) -> Path | None:
 
 
 @contextmanager
-def _named(name: str) -> Iterator[None]:
+def _prefix_errors(name: str) -> Iterator[None]:
     """Prefix errors with the name of the broken file."""
     try:
-        with explained(Path(name)):
+        with translate_os_errors(Path(name)):
             yield
     except BrokenScene as error:
         raise BrokenScene(f"{name}: {error.detail}") from None

@@ -15,7 +15,7 @@ from tigas_common.offload import Limit, Offload, offload_to_process
 from tigas_common.wire.render import SceneEdit
 from tigas_render.enhance.shelf import Shelf
 from tigas_render.scenes.directory import read_scene_file
-from tigas_render.scenes.library_operations import NotAdded, edit_scene, keep, remove_scene, rename_scene
+from tigas_render.scenes.library_operations import SceneNotAdded, edit_scene, install_file, remove_scene, rename_scene
 from tigas_render.scenes.registry import SceneRegistry
 from tigas_render.settings import RenderSettings
 from tigas_render.single_flight import SingleFlight
@@ -89,7 +89,7 @@ class SceneLibrary:
 
     async def _change(self, scene_id: str, change: Callable[[Path, str], None]) -> None:
         models = open_uploads(self._settings).models
-        if self._registry.info(scene_id).builtin:
+        if self._registry.scene_info(scene_id).builtin:
             raise BuiltInScene(f"{self._registry.source(scene_id).name} is part of TIGAS and cannot be changed.")
         try:
             with storage_explained(MODELS):
@@ -136,10 +136,10 @@ def commit_upload(uploads: Uploads, id: str) -> None:
                     f" {uploads.limit / 1e6:.1f} MB."
                 )
             uploads.note_adding(upload)
-            keep(upload.path, uploads.models, upload.scene)
+            install_file(upload.path, uploads.models, upload.scene)
     except OSError as error:
         if error.errno in NO_SPACE:
             raise DiskFull(f"There is not enough disk space for {upload.scene}; free some and try again.") from None
-        raise NotAdded(f"{upload.scene} could not be stored: {error.strerror or error}.") from None
+        raise SceneNotAdded(f"{upload.scene} could not be stored: {error.strerror or error}.") from None
     except RuntimeError as error:  # raised by PyTorch when it runs out of memory
         raise MemoryError from error

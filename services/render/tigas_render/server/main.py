@@ -129,7 +129,7 @@ def announce(service: RenderService, http_port: int, devices: Sequence[str]) -> 
     http = Address(service.settings.http.host, http_port)
     service.url = f"http://{http.reachable_host}:{http.port}"
     lines = []
-    scenes = service.registry.infos()
+    scenes = service.registry.scene_infos()
     broken = [scene for scene in scenes if scene.state == "broken"]
     lines += [printable(f"  {scene.id} is left out: {scene.error}") for scene in broken[:MAX_LISTED_BROKEN]]
     if len(broken) > MAX_LISTED_BROKEN:

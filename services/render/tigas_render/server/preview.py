@@ -66,7 +66,7 @@ class PreviewCache:
 
     def _path(self, source: SceneSource) -> Path:
         """The cache file, whose name depends on everything that the image depends on."""
-        key = f"{VERSION}|{source.id}|{source.version}|{source.metadata.look}|{WIDTH}x{HEIGHT}"
+        key = f"{VERSION}|{source.id}|{source.version}|{source.metadata.appearance_key}|{WIDTH}x{HEIGHT}"
         return self._directory / f"preview-{hashlib.sha256(key.encode()).hexdigest()[:32]}.jpg"
 
     async def _cached_or_rendered(self, scene_id: str, path: Path) -> Preview:

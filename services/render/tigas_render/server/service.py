@@ -40,10 +40,10 @@ from tigas_render.enhance.shelf import Shelf
 from tigas_render.enhance.trainer import NoTraining, Trainer, why_no_training
 from tigas_render.frame import Cancel, Client, Frame, FrameSource, OnAnswer
 from tigas_render.raster.base import Rasterizer
-from tigas_render.scenes.coarse import CoarseScenes
+from tigas_render.scenes.coarse import CoarseSceneCache
 from tigas_render.scenes.registry import SceneRegistry
 from tigas_render.scenes.source import SceneSource
-from tigas_render.scenes.start_view.view import KeptViews
+from tigas_render.scenes.start_view.view import StartViewCache
 from tigas_render.server.library import SceneLibrary
 from tigas_render.server.preview import HEIGHT, WIDTH, Preview, PreviewCache, preview_camera
 from tigas_render.settings import RenderSettings
@@ -67,7 +67,7 @@ class StateMetrics(Collector):
         self._scenes = scenes
 
     def collect(self) -> Iterator[Metric]:
-        states: Counter[str] = Counter(info.state for info in self._scenes.infos())
+        states: Counter[str] = Counter(info.state for info in self._scenes.scene_infos())
         in_flight, memory = self._engine.in_flight, self._scenes.memory()
         yield labelled_gauge("tigas_render_requests_in_flight", "Unanswered requests, by stage", "stage", in_flight)
         yield labelled_gauge("tigas_render_scenes", "Scenes, by state", "state", states)
@@ -91,8 +91,8 @@ class RenderService(FrameSource):
             settings.scenes,
             rasterizer.pack,
             own_ladders=settings.ladder == "scene",
-            views=KeptViews(settings.cache),
-            coarse=CoarseScenes(settings.cache),
+            views=StartViewCache(settings.cache),
+            coarse=CoarseSceneCache(settings.cache),
             memory_budget=int(settings.memory_gb * 1e9),
             idle_s=60 * settings.idle_minutes,
             clock=time.monotonic,
@@ -185,7 +185,7 @@ class RenderService(FrameSource):
             viewers=self.loads.viewers,
             utilisation=self.loads.utilisation,
             queue_age_s=self.loads.queue_age_s,
-            scenes=tuple(scene.id for scene in self.registry.infos() if scene.state == "loaded"),
+            scenes=tuple(scene.id for scene in self.registry.scene_infos() if scene.state == "loaded"),
         )
 
     def _can_reach_quic(self, host: str) -> bool:
@@ -195,7 +195,7 @@ class RenderService(FrameSource):
     def request(self, client: Client, request: RenderRequest, arrived: float, on_answer: OnAnswer) -> Cancel:
         def record_answer(answer: Frame | Exception) -> None:
             if isinstance(answer, Frame):
-                self.registry.viewed(request.scene)
+                self.registry.mark_viewed(request.scene)
             on_answer(answer)
 
         return self.engine.request(client, request, arrived, record_answer)
@@ -210,12 +210,12 @@ class RenderService(FrameSource):
 
     async def scene_infos(self) -> list[SceneInfo]:
         """All scenes, with the networks and downloads available for each."""
-        found = [(info, self.registry.source(info.id)) for info in self.registry.infos()]
+        found = [(info, self.registry.source(info.id)) for info in self.registry.scene_infos()]
         return await asyncio.to_thread(lambda: [self._add_files(*each) for each in found])
 
     async def scene_info(self, scene_id: str) -> SceneInfo:
         """One scene. Raises UnknownScene."""
-        info, source = self.registry.info(scene_id), self.registry.source(scene_id)
+        info, source = self.registry.scene_info(scene_id), self.registry.source(scene_id)
         return await asyncio.to_thread(self._add_files, info, source)
 
     def _add_files(self, info: SceneInfo, source: SceneSource) -> SceneInfo:

@@ -16,7 +16,7 @@ from tigas_common.pose import Intrinsics, Pose
 from tigas_render.gaussians import Floats, Gaussians
 from tigas_render.raster.base import Camera
 from tigas_render.raster.cpu import CpuRasterizer
-from tigas_render.scenes.scene_file import normalised
+from tigas_render.scenes.scene_file import normalise
 
 FAST = CpuRasterizer()
 BLUE = (0.0, 0.0, 1.0)
@@ -39,7 +39,7 @@ def hostile_gaussians(draw: st.DrawFn) -> Gaussians:
     return Gaussians(
         means=values(coordinate, 3),
         scales=values(magnitude, 3),
-        quaternions=normalised(values(coordinate.map(lambda x: x % 7 + 1e-3), 4)).astype(np.float32),
+        quaternions=normalise(values(coordinate.map(lambda x: x % 7 + 1e-3), 4)).astype(np.float32),
         opacities=values(st.sampled_from([0.0, 1 / 255, 0.5, 1.0]), 1)[:, 0],
         sh=values(coordinate, 12).reshape(count, 4, 3),
     )

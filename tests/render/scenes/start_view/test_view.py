@@ -22,7 +22,7 @@ from tigas_render.raster.devices import create_rasterizer
 from tigas_render.scenes.demo import DEMO_SOURCE
 from tigas_render.scenes.source import SceneMetadata, SceneSource
 from tigas_render.scenes.start_view.statistics import SceneStatistics
-from tigas_render.scenes.start_view.view import KeptViews, StartView
+from tigas_render.scenes.start_view.view import StartView, StartViewCache
 from tigas_render.server.preview import preview_camera
 
 CAMERA = StartCamera(position=(1, 2, 3), look_at=(0, 0, 0))
@@ -173,17 +173,17 @@ def test_degenerate_scenes_have_a_view(means: Floats, opacity: float, scale: flo
 
 
 def test_a_view_is_kept_for_its_file_and_its_up_axis(tmp_path: Path) -> None:
-    views = KeptViews(tmp_path / "cache")
+    views = StartViewCache(tmp_path / "cache")
     assert views.read(SOURCE) is None
     views.write(SOURCE, VIEW)
-    assert KeptViews(tmp_path / "cache").read(SOURCE) == VIEW
+    assert StartViewCache(tmp_path / "cache").read(SOURCE) == VIEW
     assert views.read(replace(SOURCE, metadata=SceneMetadata(name="Another"))) == VIEW
     assert views.read(replace(SOURCE, version="2")) is None
     assert views.read(replace(SOURCE, metadata=SceneMetadata(up=(0, 1, 0)))) is None
 
 
 def test_a_broken_file_is_no_view(tmp_path: Path) -> None:
-    views = KeptViews(tmp_path)
+    views = StartViewCache(tmp_path)
     views.write(SOURCE, VIEW)
     for path in tmp_path.iterdir():
         path.write_text('{"up": [0, 0, 1]}')
@@ -192,6 +192,6 @@ def test_a_broken_file_is_no_view(tmp_path: Path) -> None:
 
 def test_a_directory_that_cannot_be_made_keeps_nothing(tmp_path: Path) -> None:
     (tmp_path / "cache").write_text("a file")
-    views = KeptViews(tmp_path / "cache")
+    views = StartViewCache(tmp_path / "cache")
     views.write(SOURCE, VIEW)
     assert views.read(SOURCE) is None

@@ -12,9 +12,9 @@ from tigas_render.scenes.start_view.surfels import Doubles, Surfels
 Cells = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
-MOST_CELLS, FEWEST_CELLS = 88, 12
+MAX_CELLS, MIN_CELLS = 88, 12
 """Maximum and minimum number of cells along the longest side."""
-MOST_POINTS = 12
+MAX_POINTS = 12
 """Maximum number of points into which a Gaussian larger than a cell is divided."""
 DEPTH = 0.35
 """Optical depth above which a cell is occupied."""
@@ -42,11 +42,11 @@ class Grid:
 
     def __init__(self, found: Surfels, share: float, *, whole: bool = False) -> None:
         """found: in a right, down, forward frame. share: of the Gaussians. whole: include the surroundings."""
-        low, high = np.quantile(found.centres, (0.002, 0.998), axis=0) if whole else _middle(found.centres)
+        low, high = np.quantile(found.centres, (0.002, 0.998), axis=0) if whole else _central_bounds(found.centres)
         self.size = float(np.linalg.norm(high - low)) / 2
         """Half the diagonal of the middle of the capture, in scene units."""
         margin = max(0.04 * float((high - low).max()), 1e-6 * float(np.abs(found.centres).max()), 1e-9)
-        across = int(np.clip(np.sqrt(len(found)) / 3, FEWEST_CELLS, MOST_CELLS))
+        across = int(np.clip(np.sqrt(len(found)) / 3, MIN_CELLS, MAX_CELLS))
         self.cell = float((high - low + 2 * margin).max()) / across
         """Side length of a cell, in scene units."""
         self.low = low - margin
@@ -57,7 +57,7 @@ class Grid:
     def _fill(self, found: Surfels, share: float) -> None:
         """Distribute each Gaussian's area over the cells that it reaches, with points at fixed random places in it."""
         areas = found.opacities * np.pi * found.extents[:, 1] * found.extents[:, 2] / share
-        pieces = np.ceil(found.extents[:, 1] * found.extents[:, 2] * 6 / self.cell**2).clip(1, MOST_POINTS)
+        pieces = np.ceil(found.extents[:, 1] * found.extents[:, 2] * 6 / self.cell**2).clip(1, MAX_POINTS)
         pieces = pieces.astype(np.int64)
         owner = np.repeat(np.arange(len(found)), pieces)
         offsets = np.random.default_rng(0).standard_normal((len(owner), 3)) * (pieces > 1)[owner, None]
@@ -75,20 +75,20 @@ class Grid:
         there = depth > 0
         threshold = min(DEPTH, float(np.quantile(depth[there], 0.75))) if there.any() else DEPTH
         occupied = (depth >= threshold) & there
-        self.occupied: Flags = occupied & (_neighbours(occupied.reshape(self.shape)).ravel() >= 3)
+        self.occupied: Flags = occupied & (_count_neighbours(occupied.reshape(self.shape)).ravel() >= 3)
         if not self.occupied.any():
             self.occupied = occupied
         outside = ~self._cells(found.centres)[1]
         towards = found.centres[outside] - (self.low + np.array(self.shape) * self.cell / 2)
         self._around = np.zeros(COLUMNS * ROWS, np.bool_)
-        self._around[_sky(towards)] = True
+        self._around[_sky_cells(towards)] = True
 
     def _distances(self) -> NDArray[np.int64]:
         """[C] distance to the nearest occupied cell, in cells along the axis on which it is farthest."""
         near = self.occupied.reshape(self.shape)
         clear = np.where(near, 0, FARTHEST)
         for distance in range(1, FARTHEST):
-            grown = _grown(near)
+            grown = _dilate(near)
             clear[grown & ~near] = distance
             near = grown
         return clear.ravel()
@@ -139,10 +139,10 @@ class Grid:
             distances[active[hit]] = travelled[active[hit]] * self.cell
             travelled[active] += np.maximum(clear - 1, 0.6)
             active = active[~hit & (travelled[active] < leave[active])]
-        return Hits(distances, cells, (cells >= 0) | self._around[_sky(directions)])
+        return Hits(distances, cells, (cells >= 0) | self._around[_sky_cells(directions)])
 
 
-def _middle(centres: Doubles) -> tuple[Doubles, Doubles]:
+def _central_bounds(centres: Doubles) -> tuple[Doubles, Doubles]:
     """Lower and upper bounds [3] of the middle of a capture, without its background."""
     lowest, highest = np.quantile(centres, (0.015, 0.985), axis=0)
     inner = np.quantile(centres, (0.1, 0.9), axis=0)
@@ -151,7 +151,7 @@ def _middle(centres: Doubles) -> tuple[Doubles, Doubles]:
     return np.maximum(lowest, centre - half), np.minimum(highest, centre + half)
 
 
-def _sky(directions: Doubles) -> Cells:
+def _sky_cells(directions: Doubles) -> Cells:
     """[N] index of directions [N, 3] in a map of all directions."""
     lengths = np.linalg.norm(directions, axis=1).clip(1e-12)
     column = ((np.arctan2(directions[:, 0], directions[:, 2]) / (2 * np.pi) + 0.5) * COLUMNS).astype(np.int64)
@@ -160,7 +160,7 @@ def _sky(directions: Doubles) -> Cells:
     return sky
 
 
-def _grown(cells: Flags) -> Flags:
+def _dilate(cells: Flags) -> Flags:
     """Grow a set of cells by all cells that touch it."""
     for axis in range(3):
         grown = cells.copy()
@@ -171,7 +171,7 @@ def _grown(cells: Flags) -> Flags:
     return cells
 
 
-def _neighbours(cells: Flags) -> NDArray[np.int64]:
+def _count_neighbours(cells: Flags) -> NDArray[np.int64]:
     """Number of occupied cells among each cell and the 26 around it."""
     sums = cells.astype(np.int64)
     for axis in range(3):

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from tigas_render.scenes.start_view.grid import Flags, Grid, Hits
-from tigas_render.scenes.start_view.places import Places, median_sight, rays, trace_all
+from tigas_render.scenes.start_view.places import Places, median_distance, rays, trace_all
 from tigas_render.scenes.start_view.surfels import Doubles
 
-MOST_PLACES = 100
+MAX_PLACES = 100
 AZIMUTHS = 48
 WINDOW = 11
 """Number of azimuths in view, which are 82°."""
@@ -22,7 +22,7 @@ TOO_NEAR = 0.35
 """Distance in eye heights below which a surface in the middle of the image is in the way: half a metre."""
 BLURRED = 0.025
 """Angular size in radians above which a Gaussian looks blurred."""
-MOST_DEVIATION = 48.0
+MAX_DEVIATION = 48.0
 """Standard deviation of the brightness (0 to 255) above which more contrast does not help."""
 DARK, BRIGHT = 0.04, 0.97
 
@@ -30,8 +30,8 @@ DARK, BRIGHT = 0.04, 0.97
 def best_view(grid: Grid, places: Places, median: Doubles) -> tuple[Doubles, Doubles]:
     """Position and focus, [3] each. median: of the Gaussians' centres, which the view should preferably face."""
     points, penalties = places.points, places.penalties
-    if len(points) > MOST_PLACES:  # a selection from all over the capture
-        chosen = np.linspace(0, len(points) - 1, MOST_PLACES).round().astype(np.int64)
+    if len(points) > MAX_PLACES:  # a selection from all over the capture
+        chosen = np.linspace(0, len(points) - 1, MAX_PLACES).round().astype(np.int64)
         points, penalties = points[chosen], penalties[chosen]
     hits = trace_all(grid, points, rays(ELEVATIONS, AZIMUTHS).reshape(-1, 3))
     scores, sights = _scores(grid, points, hits, median, places.eye)
@@ -47,7 +47,7 @@ def _scores(grid: Grid, points: Doubles, hits: Hits, median: Doubles, eye: float
     number, shape = len(points), (len(points), len(ELEVATIONS), AZIMUTHS)
     covered = hits.covered.reshape(shape)
     distances = np.where(np.isfinite(hits.distances), hits.distances, 3 * grid.size).reshape(shape)
-    sights = median_sight(hits.distances.reshape(number, -1), 3 * grid.size)
+    sights = median_distance(hits.distances.reshape(number, -1), 3 * grid.size)
     hit = hits.cells >= 0
     # a cell counts once per place, however many of the place's rays hit it
     ids = np.repeat(np.arange(number), shape[1] * shape[2]) * len(grid.numbers) + hits.cells
@@ -75,14 +75,14 @@ def _scores(grid: Grid, points: Doubles, hits: Hits, median: Doubles, eye: float
         + 0.7 * np.quantile(logarithms, 0.9, axis=2)
         + 0.5 * logarithms.std(2)
         + 0.5 * np.cos(facing)
-        + _light(windows(light))
+        + _light_score(windows(light))
         - np.hypot(towards[:, 0], towards[:, 2])[:, None] / grid.size
         - 6.0 * (middle.min((1, 3)) < TOO_NEAR * eye)
     )
     return scores, sights
 
 
-def _light(values: Doubles) -> Doubles:
+def _light_score(values: Doubles) -> Doubles:
     """Score [P, A] that favours contrast, and penalises black or blown-out images. values: NaN if nothing was hit."""
     there = np.isfinite(values)
     number = there.sum(2).clip(1)
@@ -90,5 +90,5 @@ def _light(values: Doubles) -> Doubles:
     mean = filled.sum(2) / number
     deviation = 255 * np.sqrt((np.where(there, values - mean[:, :, None], 0) ** 2).sum(2) / number)
     lost = ((filled > BRIGHT) | ((filled < DARK) & there)).sum(2) / number
-    score: Doubles = 2 * np.log(3 + np.minimum(deviation, MOST_DEVIATION)) - 12 * (lost - 0.02).clip(0)
+    score: Doubles = 2 * np.log(3 + np.minimum(deviation, MAX_DEVIATION)) - 12 * (lost - 0.02).clip(0)
     return score

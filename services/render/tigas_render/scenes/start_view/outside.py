@@ -34,24 +34,24 @@ def view_from_outside(points: Doubles, radius: float) -> tuple[Doubles, Doubles]
     flat = float(half[1]) < FLAT * reach
     elevation, fitting = (FLAT_ELEVATION, FLAT_FITTING) if flat else (ELEVATION, FITTING)
     turns = [2 * math.pi * k / AZIMUTHS for k in range(AZIMUTHS)]
-    backs = [_back(turn, elevation) for turn in turns]
-    distances = [max(MARGIN * _fitting(points - centre, back, fitting), size / 4 + reach) for back in backs]
+    backs = [_back_direction(turn, elevation) for turn in turns]
+    distances = [max(MARGIN * _fitting_distance(points - centre, back, fitting), size / 4 + reach) for back in backs]
     best, best_score = 0, -1.0
     for k, (turn, back) in enumerate(zip(turns, backs, strict=True)):
         # all from the same distance, because more is visible from farther away
-        score = _seen(points, centre + max(distances) * back) * (1 + FRONT_BIAS * math.cos(turn))
+        score = _visible_share(points, centre + max(distances) * back) * (1 + FRONT_BIAS * math.cos(turn))
         if score > best_score + 1e-9:
             best, best_score = k, score
     return centre + distances[best] * backs[best], centre
 
 
-def _back(turn: float, elevation: float) -> Doubles:
+def _back_direction(turn: float, elevation: float) -> Doubles:
     """[3] direction from the object to a camera at an elevation that looks along an azimuth, both in radians."""
     level = math.cos(elevation)
     return np.array([-math.sin(turn) * level, -math.sin(elevation), -math.cos(turn) * level])
 
 
-def _fitting(points: Doubles, back: Doubles, share: float) -> float:
+def _fitting_distance(points: Doubles, back: Doubles, share: float) -> float:
     """Distance along `back` from which this share of the points [S, 3] around the origin is in the image."""
     right = np.array([-back[2], 0.0, back[0]])
     right /= np.linalg.norm(right)
@@ -60,7 +60,7 @@ def _fitting(points: Doubles, back: Doubles, share: float) -> float:
     return float(np.quantile(points @ back + beside, share))
 
 
-def _seen(points: Doubles, position: Doubles) -> float:
+def _visible_share(points: Doubles, position: Doubles) -> float:
     """Share of the points that are not hidden behind others, from a panoramic depth buffer of 96 × 48 directions."""
     columns, rows = 96, 48
     to = points - position

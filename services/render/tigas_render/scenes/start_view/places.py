@@ -22,7 +22,7 @@ STEEP = 2
 """Number of elevations, the steepest, at which distant surroundings do not count as ground."""
 GROUND, WALLS, SIGHT = 0.93, 0.5, 0.08
 """Minimum shares of hits below and just above the horizon, and minimum viewing distance in sizes of the capture."""
-FEWEST = 4
+MIN_PLACES = 4
 SMALLER = 0.35
 """Minimum difference between log sizes seen from outside and inside: captures are sharpest near their cameras."""
 OUTSIDE = 18
@@ -61,11 +61,11 @@ def find_places(grid: Grid, whole: Grid) -> Places | None:
         return None
     enclosed, sights, hits = _enclosed(grid, points)
     closed_room = enclosed.mean() > 0.5 and grid.size > ROOM
-    sharper = closed_room or _sharper_inside(grid, hits.cells.reshape(len(points), -1)[enclosed], whole)
-    if enclosed.sum() < FEWEST or not sharper:
+    sharper = closed_room or _is_sharper_inside(grid, hits.cells.reshape(len(points), -1)[enclosed], whole)
+    if enclosed.sum() < MIN_PLACES or not sharper:
         return None
     points, sights = points[enclosed], sights[enclosed]
-    ground, ceiling = _straight(grid, points, 1.0), _straight(grid, points, -1.0)
+    ground, ceiling = _vertical_distance(grid, points, 1.0), _vertical_distance(grid, points, -1.0)
     ceiled = float(np.isfinite(ceiling).mean()) > CEILED
     if ceiled:
         gaps = ground + ceiling
@@ -112,7 +112,7 @@ def trace_all(grid: Grid, points: Doubles, directions: Doubles) -> Hits:
     return grid.trace(origins, np.tile(directions, (len(points), 1)))
 
 
-def median_sight(distances: Doubles, otherwise: float) -> Doubles:
+def median_distance(distances: Doubles, otherwise: float) -> Doubles:
     """[P] median of the finite distances in [P, D]; `otherwise` if all are infinite."""
     seen = np.isfinite(distances)
     ordered = np.sort(distances, axis=1)
@@ -126,19 +126,19 @@ def _enclosed(grid: Grid, points: Doubles) -> tuple[Flags, Doubles, Hits]:
     hits = trace_all(grid, points, directions)
     covered = hits.covered.reshape(len(points), -1)
     below = len(BELOW) * AZIMUTHS
-    sights = median_sight(hits.distances.reshape(len(points), -1), 3 * grid.size)
+    sights = median_distance(hits.distances.reshape(len(points), -1), 3 * grid.size)
     steep = np.isfinite(hits.distances).reshape(len(points), -1)[:, : STEEP * AZIMUTHS].mean(1) > GROUND
     enclosed = steep & (covered[:, :below].mean(1) > GROUND) & (covered[:, below:].mean(1) > WALLS)
     return enclosed & (sights > SIGHT * grid.size), sights, hits
 
 
-def _straight(grid: Grid, points: Doubles, down: float) -> Doubles:
+def _vertical_distance(grid: Grid, points: Doubles, down: float) -> Doubles:
     """[P] distance to the surface directly below (down = 1) or above (down = -1)."""
     direction = np.array([[1e-4, down, 1e-4]])
     return trace_all(grid, points, direction / np.linalg.norm(direction)).distances
 
 
-def _sharper_inside(grid: Grid, cells: Cells, whole: Grid) -> bool:
+def _is_sharper_inside(grid: Grid, cells: Cells, whole: Grid) -> bool:
     """Whether the Gaussians seen from inside, in cells [P, D], are clearly smaller than those seen from outside."""
     k = np.arange(OUTSIDE)
     height = -0.15 - 0.8 * (k + 0.5) / OUTSIDE  # from above the horizon, since captures are not viewed from below

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tigas_render.gaussians import Batches, Gaussians
 from tigas_render.scenes.source import SceneMetadata
-from tigas_render.scenes.start_view.view import StartView, view_of
+from tigas_render.scenes.start_view.view import StartView, resolve_view
 
 SAMPLE = 100_000
 """Approximate number of Gaussians in the sample, which take 6 MB."""
@@ -38,9 +38,9 @@ class SceneStatistics:
 
     def collect(self, scene: Batches) -> Batches:
         """Wrap batches so that reading them collects the statistics, which are complete after the last batch."""
-        return Batches(scene.most, self._collected(scene))
+        return Batches(scene.most, self._collect(scene))
 
-    def _collected(self, scene: Batches) -> Iterator[Gaussians]:
+    def _collect(self, scene: Batches) -> Iterator[Gaussians]:
         step = -(-scene.most // self._most)
         for part in scene.parts:
             self.low = np.minimum(self.low, part.means.min(0))
@@ -59,4 +59,4 @@ class SceneStatistics:
     def view(self, metadata: SceneMetadata) -> StartView:
         """The start view in the scene's metadata, or else the derived one."""
         sample = self.sample
-        return view_of(metadata, sample, len(sample) / self.count)
+        return resolve_view(metadata, sample, len(sample) / self.count)

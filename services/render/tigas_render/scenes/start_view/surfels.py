@@ -39,12 +39,12 @@ class Surfels:
     def __len__(self) -> int:
         return len(self.centres)
 
-    def every(self, most: int) -> Surfels:
+    def subsample(self, most: int) -> Surfels:
         """At most this many surfels, evenly spaced."""
         step = -(-len(self) // most)
         return Surfels(*(array[::step] for array in self._arrays)) if step > 1 else self
 
-    def turned(self, frame: Doubles) -> Surfels:
+    def rotated(self, frame: Doubles) -> Surfels:
         """The surfels in another frame, with the rows of a rotation matrix [3, 3] as its axes."""
         centres, normals, axes = self.centres @ frame.T, self.normals @ frame.T, frame @ self.axes
         return Surfels(centres, normals, self.extents, axes, self.opacities, self.lights)

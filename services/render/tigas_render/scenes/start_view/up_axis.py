@@ -46,16 +46,16 @@ class UpAxis:
 
 def likely_axes(found: Surfels) -> list[UpAxis]:
     """Possible up axes, the most likely first. The result is deterministic."""
-    evidence = _Evidence(found.every(SAMPLE))
+    evidence = _AxisEvidence(found.subsample(SAMPLE))
     scored: list[tuple[float, UpAxis]] = []
-    for axis in _distinct([*evidence.climbed(), *np.eye(3)]):
-        upright, slab = evidence.upright(axis)
+    for axis in _distinct([*evidence.candidates(), *np.eye(3)]):
+        upright, slab = evidence.upright_score(axis)
         for up in (axis, -axis):
-            scored.append((upright + evidence.sign(up) + _prior(up), UpAxis(_snapped(up), slab)))
+            scored.append((upright + evidence.sign_score(up) + _prior(up), UpAxis(_snap_to_file_axis(up), slab)))
     return [axis for _, axis in sorted(scored, key=lambda each: -each[0])]
 
 
-def axis_of_object(likely: list[UpAxis]) -> Doubles:
+def object_axis(likely: list[UpAxis]) -> Doubles:
     """The up axis of an object without surroundings: a likely axis near one of the file's, if a dense layer supports
     it, or the file's usual one. The flat sides of an object need not be level.
     """
@@ -67,7 +67,7 @@ def axis_of_object(likely: list[UpAxis]) -> Doubles:
     return DOWN_Y
 
 
-class _Evidence:
+class _AxisEvidence:
     """Evidence for the axes of a sample of S Gaussians."""
 
     def __init__(self, found: Surfels) -> None:
@@ -79,7 +79,7 @@ class _Evidence:
         self._weights = (found.opacities * area * flat**2).astype(np.float32)
         total = float(self._weights.sum())
         self._weights = self._weights / total if total > 0 else self._weights
-        layered = found.every(SLAB_SAMPLE)
+        layered = found.subsample(SLAB_SAMPLE)
         median = np.median(layered.centres, axis=0)
         self._points = layered.centres - median
         self._radius = max(float(np.median(np.linalg.norm(self._points, axis=1))), 1e-9)
@@ -105,9 +105,9 @@ class _Evidence:
                 break
             if all(abs(float(directions[i] @ peak)) < PEAK_DISTANCE for peak in peaks):
                 peaks.append(directions[i])
-        return [self._refined(peak) for peak in peaks]
+        return [self._refine(peak) for peak in peaks]
 
-    def _refined(self, axis: Doubles) -> Doubles:
+    def _refine(self, axis: Doubles) -> Doubles:
         for cap in REFINEMENTS:
             cosines = self._normals @ axis.astype(np.float32)
             near = np.abs(cosines) > cap
@@ -118,12 +118,12 @@ class _Evidence:
             axis = mean.astype(np.float64) / length
         return axis
 
-    def climbed(self) -> list[Doubles]:
+    def candidates(self) -> list[Doubles]:
         """The peaks, and local maxima of the evidence near the best peaks and the axis of the densest layer."""
         directions = _hemisphere(DIRECTIONS // 2)
-        layered = directions[int(np.argmax(self.slabs(directions)))]
+        layered = directions[int(np.argmax(self.slab_shares(directions)))]
         peaks = self.peaks()
-        starts = sorted(peaks, key=lambda axis: -self.upright(axis)[0])[:3]
+        starts = sorted(peaks, key=lambda axis: -self.upright_score(axis)[0])[:3]
         return [*peaks, *(self._climb(axis) for axis in (*starts, layered))]
 
     def _climb(self, axis: Doubles) -> Doubles:
@@ -134,10 +134,10 @@ class _Evidence:
             turns = np.arange(8) * math.pi / 4
             around = np.cos(turns)[:, None] * right + np.sin(turns)[:, None] * down
             tried = np.concatenate((axis[None], axis * math.cos(step) + around * math.sin(step)))
-            axis = tried[int(np.argmax(self.uprights(tried)))]
+            axis = tried[int(np.argmax(self.upright_scores(tried)))]
         return axis
 
-    def slabs(self, axes: Doubles) -> Doubles:
+    def slab_shares(self, axes: Doubles) -> Doubles:
         """[A] share of the Gaussians in the densest layer perpendicular to each axis, by number or by area."""
         shares = np.empty(len(axes))
         thickness = SLAB * self._radius / 2  # a layer is two bins
@@ -154,16 +154,16 @@ class _Evidence:
             shares[start : start + 50] = share
         return shares
 
-    def uprights(self, axes: Doubles) -> Doubles:
+    def upright_scores(self, axes: Doubles) -> Doubles:
         """[A] evidence that each axis is vertical, regardless of sign."""
-        evidence: Doubles = np.log(self.density(axes) + 0.3) + 1.5 * np.log(self.slabs(axes) + 0.02)
+        evidence: Doubles = np.log(self.density(axes) + 0.3) + 1.5 * np.log(self.slab_shares(axes) + 0.02)
         return evidence
 
-    def upright(self, axis: Doubles) -> tuple[float, float]:
+    def upright_score(self, axis: Doubles) -> tuple[float, float]:
         """The evidence that an axis is vertical, regardless of sign, and the share of its densest layer."""
-        return float(self.uprights(axis[None])[0]), float(self.slabs(axis[None])[0])
+        return float(self.upright_scores(axis[None])[0]), float(self.slab_shares(axis[None])[0])
 
-    def sign(self, up: Doubles) -> float:
+    def sign_score(self, up: Doubles) -> float:
         """The evidence for the sign of an axis: most Gaussians are near the ground, and outliers are in the sky."""
         heights = self._points @ up
         lowest, low, middle, high, highest = np.quantile(heights, (0.001, 0.03, 0.5, 0.97, 0.999))
@@ -184,7 +184,7 @@ def _prior(up: Doubles) -> float:
     return best
 
 
-def _snapped(up: Doubles) -> Doubles:
+def _snap_to_file_axis(up: Doubles) -> Doubles:
     nearest = int(np.argmax(np.abs(up)))
     if abs(float(up[nearest])) < SNAP:
         return up

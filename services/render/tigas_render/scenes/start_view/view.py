@@ -20,7 +20,7 @@ from tigas_render.scenes.start_view.inside import best_view
 from tigas_render.scenes.start_view.outside import view_from_outside
 from tigas_render.scenes.start_view.places import find_places
 from tigas_render.scenes.start_view.surfels import Doubles, Surfels, surfels
-from tigas_render.scenes.start_view.up_axis import axis_of_object, likely_axes
+from tigas_render.scenes.start_view.up_axis import likely_axes, object_axis
 
 VERSION = 1
 """Version of the derivation; increment it when start views change, so that old cached ones are not used."""
@@ -35,7 +35,7 @@ class StartView(WireModel):
     camera: StartCamera
 
 
-class KeptViews:
+class StartViewCache:
     """A cache of start views in `directory`, which is created when needed. Scenes' folders are never written to."""
 
     def __init__(self, directory: Path) -> None:
@@ -58,16 +58,16 @@ class KeptViews:
         return self._directory / f"start-view-{hashlib.sha256(key.encode()).hexdigest()[:32]}.json"
 
 
-def given_view(metadata: SceneMetadata) -> StartView | None:
+def view_from_metadata(metadata: SceneMetadata) -> StartView | None:
     """The start view in a scene.json; None without a camera. A camera without an up axis has y down."""
     if metadata.camera is None:
         return None
     return StartView(up=metadata.up or DEFAULT_UP, camera=metadata.camera)
 
 
-def view_of(metadata: SceneMetadata, sample: Gaussians, share: float) -> StartView:
+def resolve_view(metadata: SceneMetadata, sample: Gaussians, share: float) -> StartView:
     """The start view in a scene.json, or one derived from a sample with this share of the Gaussians."""
-    return given_view(metadata) or derive_view(sample, metadata.up, share)
+    return view_from_metadata(metadata) or derive_view(sample, metadata.up, share)
 
 
 def derive_view(sample: Gaussians, up: Point | None = None, share: float = 1.0) -> StartView:
@@ -81,7 +81,7 @@ def derive_view(sample: Gaussians, up: Point | None = None, share: float = 1.0) 
     axis = likely[0].up if up is None else np.array(up, np.float64)
     inside = _view_from_inside(found, axis, share)
     if inside is None:
-        axis = axis_of_object(likely) if up is None else axis
+        axis = object_axis(likely) if up is None else axis
     frame = level_frame(axis)
     position, focus = inside or _outside(found, frame)
     return StartView(
@@ -90,7 +90,7 @@ def derive_view(sample: Gaussians, up: Point | None = None, share: float = 1.0) 
 
 
 def _view_from_inside(found: Surfels, up: Doubles, share: float) -> tuple[Doubles, Doubles] | None:
-    level = found.turned(level_frame(up))
+    level = found.rotated(level_frame(up))
     grid = Grid(level, share)
     places = find_places(grid, Grid(level, share, whole=True))
     return None if places is None else best_view(grid, places, np.median(level.centres, axis=0))
