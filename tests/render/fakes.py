@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from tigas_common.errors import UnknownScene
 from tigas_common.wire.render import FrameFormat, RenderRequest, Rung
-from tigas_render.encode.depth_segment import coded
+from tigas_render.encode.depth_segment import encode_depth
 from tigas_render.gaussians import Batches
 from tigas_render.raster.base import Camera, Image, Pause, PreparedScene, Rasterizer
 from tigas_render.raster.calls import Call, CallError, FrameCalls
@@ -158,7 +158,7 @@ class FakeJob(Job):
             ) as image:
                 is_png = self.format == "png"
                 content = image.to_host().tobytes() if is_png else image.encode(self.format, self.quality)
-                depth = None if image.depth is None else coded(image.depth)
+                depth = None if image.depth is None else encode_depth(image.depth)
                 self.image = FetchedImage(image.width, image.height, self.format, self.quality, content, depth)
         except Exception:
             return 1

@@ -12,7 +12,7 @@ from tests.web.conftest import OpenPage
 from tests.web.modes import with_settings
 from tests.web.server import RenderServer
 from tests.web.stage import SCENE, frames, picture, wait_for_frames
-from tigas_render.encode.depth_segment import coded, with_depth
+from tigas_render.encode.depth_segment import encode_depth, insert_depth
 from tigas_render.encode.images import encode_webp
 
 KILOBYTES_PER_S = 120
@@ -38,7 +38,7 @@ def test_over_a_slow_link_pictures_come_as_webp(open_page: OpenPage, server: Ren
 
 
 def test_the_browser_decodes_a_webp_that_carries_a_depth(browser: Browser) -> None:
-    deep = with_depth(encode_webp(gradient(64, 36), 50), coded(np.ones((9, 16), np.float32)))
+    deep = insert_depth(encode_webp(gradient(64, 36), 50), encode_depth(np.ones((9, 16), np.float32)))
     size = """async (content) => {
         const bytes = Uint8Array.from(atob(content), (each) => each.charCodeAt(0));
         const { width, height } = await createImageBitmap(new Blob([bytes], { type: "image/webp" }));

@@ -20,7 +20,7 @@ from tigas_common.terminal import make_console, progress_bar
 from tigas_render.settings import RenderSettings
 
 if TYPE_CHECKING:
-    from tigas_render.ladder.make import Made
+    from tigas_render.ladder.make import LadderResult
 
 PREVIEW_SIZE = (640, 360)
 MAX_DOWNLOAD_BYTES = 10_000_000_000
@@ -170,20 +170,20 @@ class Ladder(Command):
     """Plot to draw as well: .png or .svg."""
 
     def run(self) -> None:
-        from tigas_render.ladder.make import check_plot, draw, find_scene, make, place_of, write_ladder
+        from tigas_render.ladder.make import check_plot, find_scene, ladder_path, make_ladder, plot_ladder, write_ladder
         from tigas_render.raster.devices import create_rasterizer
 
         with in_a_sentence(ValueError):
             source = find_scene(self.scene)
-            path = self.out or place_of(source)
+            path = self.out or ladder_path(source)
             if self.plot is not None:
                 check_plot(self.plot)
             rasterizer = create_rasterizer("auto")
             with _bar(f"measuring {source.name}") as listener:
-                made = make(source, rasterizer, listener)
+                made = make_ladder(source, rasterizer, listener)
             write_ladder(path, made.file)
             if self.plot is not None:
-                draw(made, source.name, self.plot)
+                plot_ladder(made, source.name, self.plot)
         _print_ladder(made)
         print(path)
 
@@ -200,18 +200,18 @@ def _bar(text: str) -> Iterator[Callable[[float], None]]:
         yield lambda done: bar(done, text)
 
 
-def _print_ladder(made: Made) -> None:
+def _print_ladder(made: LadderResult) -> None:
     """Print the rungs, and below them the paper's rungs, each with the hull's PSNR at the same frame size."""
     from rich.table import Table
 
-    from tigas_render.ladder.make import hull, psnr_at
+    from tigas_render.ladder.make import lower_hull, psnr_at
 
     table = Table("rung", "kB", "PSNR, dB", "the scene's at that size", box=None)
     for rung in made.file.rungs:
         table.add_row(rung.name, f"{rung.expected_kb:.1f}", f"{rung.psnr_db:.2f}", "")
     table.add_row("the paper's:")
-    best = hull(made.candidates)
-    for point in made.paper:
+    best = lower_hull(made.candidates)
+    for point in made.paper_points:
         table.add_row(point.name, f"{point.kb:.1f}", f"{point.psnr_db:.2f}", f"{psnr_at(best, point.kb):.2f}")
     make_console().print(table)
 

@@ -24,10 +24,10 @@ class SingleFlight(Generic[Key, Value]):
         task = self._tasks.get(key)
         if task is None:
             task = self._tasks[key] = asyncio.create_task(work())
-            task.add_done_callback(lambda done: self._done(key, done))
+            task.add_done_callback(lambda done: self._forget(key, done))
         return await asyncio.shield(task)  # a cancelled caller must not cancel the work for the others
 
-    def _done(self, key: Key, task: asyncio.Task[Value]) -> None:
+    def _forget(self, key: Key, task: asyncio.Task[Value]) -> None:
         del self._tasks[key]
         if not task.cancelled():
             task.exception()  # marks it as retrieved, in case all callers were cancelled

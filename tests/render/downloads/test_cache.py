@@ -16,7 +16,7 @@ import pytest
 from tests.render.scenes import plys
 from tigas_common.errors import BrokenScene, Overloaded
 from tigas_common.wire.render import SavedView, SceneDownload
-from tigas_render.downloads.cache import Check, DownloadCache, NoSpace, NoSuchDownload
+from tigas_render.downloads.cache import Check, DownloadCache, NoSpace, UnknownDownload
 from tigas_render.gaussians import Batches, Gaussians
 from tigas_render.scenes.scene_file import Listener
 from tigas_render.scenes.source import SceneMetadata, SceneSource
@@ -57,13 +57,13 @@ def files(directory: Path) -> list[str]:
 async def test_a_file_is_made_once_and_known_from_then_on(tmp_path: Path) -> None:
     maker = Maker()
     cache = DownloadCache(tmp_path / "cache", 10 * SIZE, maker)
-    assert {each.bytes for each in cache.offered(SOURCE)} == {None}
+    assert {each.bytes for each in cache.available(SOURCE)} == {None}
     made = await cache.get(SOURCE)
     assert made.path.read_bytes().strip() == b"garden"
     assert await cache.get(SOURCE) == made
     later = DownloadCache(tmp_path / "cache", 10 * SIZE, maker)  # after a restart
     assert await later.get(SOURCE) == made
-    assert made.about in later.offered(SOURCE)
+    assert made.metadata in later.available(SOURCE)
     assert maker.made == ["garden"]
     assert len(files(tmp_path / "cache")) == 2  # with its metadata
 
@@ -76,7 +76,7 @@ async def test_concurrent_first_requests_make_it_once_and_may_give_up(tmp_path: 
     assert await asyncio.to_thread(maker.begun.wait, 30)
     first.cancel()
     maker.gate.set()
-    assert (await second).about.bytes == SIZE
+    assert (await second).metadata.bytes == SIZE
     assert maker.made == ["garden"]
 
 
@@ -114,7 +114,7 @@ async def test_the_longest_unused_file_makes_room_for_a_new_one(tmp_path: Path) 
         os.utime((await cache.get(source)).path, (age, age))
     await cache.get(b)  # used again: now the other is the longest unused
     await cache.get(c)
-    known = {source.id: cache.offered(source)[0].bytes for source in (a, b, c)}
+    known = {source.id: cache.available(source)[0].bytes for source in (a, b, c)}
     assert known == {"a": None, "b": SIZE, "c": SIZE}
     assert len(files(tmp_path)) == 4
 
@@ -142,14 +142,14 @@ async def test_what_could_not_be_made_leaves_nothing_and_is_tried_again(tmp_path
         await cache.get(SOURCE)
     assert not files(tmp_path)
     maker.error = None
-    assert (await cache.get(SOURCE)).about.bytes == SIZE
+    assert (await cache.get(SOURCE)).metadata.bytes == SIZE
 
 
 async def test_a_file_that_was_cut_off_is_made_again(tmp_path: Path) -> None:
     maker = Maker()
     cache = DownloadCache(tmp_path, 10 * SIZE, maker)
     os.truncate((await cache.get(SOURCE)).path, 5)
-    assert cache.offered(SOURCE)[0].bytes is None
+    assert cache.available(SOURCE)[0].bytes is None
     assert len((await cache.get(SOURCE)).path.read_bytes()) == SIZE
     assert maker.made == ["garden", "garden"]
 
@@ -163,10 +163,10 @@ async def test_a_cache_that_cannot_be_written_is_a_sentence(tmp_path: Path) -> N
 async def test_what_is_not_offered(tmp_path: Path) -> None:
     broken = replace(SOURCE, open=None, error="It has no vertices.")
     cache = DownloadCache(tmp_path, SIZE, Maker())
-    assert cache.offered(broken) == ()
+    assert cache.available(broken) == ()
     with pytest.raises(BrokenScene, match="no vertices"):
         await cache.get(broken)
     without = DownloadCache(tmp_path, 0, Maker())
-    assert without.offered(SOURCE) == ()
-    with pytest.raises(NoSuchDownload, match=r"^garden is not offered for download\.$"):
+    assert without.available(SOURCE) == ()
+    with pytest.raises(UnknownDownload, match=r"^garden is not offered for download\.$"):
         await without.get(SOURCE)

@@ -11,7 +11,7 @@ import pytest
 
 from reference.ply import write_ply
 from tests.render.scenes import made_up, plys
-from tigas_render.downloads.cache import AT_ONCE, OF_AN_ADDRESS
+from tigas_render.downloads.cache import MAX_DOWNLOADS, MAX_DOWNLOADS_PER_ADDRESS
 from tigas_render.raster.instant import InstantRasterizer
 from tigas_render.scenes.directory import read_scene_file
 from tigas_render.server.app import create_app
@@ -129,13 +129,13 @@ async def test_nothing_but_the_files_of_levels_is_streamed(
 
 async def test_so_many_may_read_at_once(client: httpx.AsyncClient, service: RenderService) -> None:
     def reading(addresses: list[str]) -> None:
-        service.readers.limit._running.clear()
-        service.readers.limit._running.update(addresses)
+        service.file_sender.limit._running.clear()
+        service.file_sender.limit._running.update(addresses)
 
-    reading(["127.0.0.1"] * (OF_AN_ADDRESS - 1))
+    reading(["127.0.0.1"] * (MAX_DOWNLOADS_PER_ADDRESS - 1))
     assert (await client.get(URL)).status_code == 200
     assert (await client.get(URL)).status_code == 200  # a finished reader makes room
-    for addresses in (["127.0.0.1"] * OF_AN_ADDRESS, [str(number) for number in range(AT_ONCE)]):
+    for addresses in (["127.0.0.1"] * MAX_DOWNLOADS_PER_ADDRESS, [str(number) for number in range(MAX_DOWNLOADS)]):
         reading(addresses)
         refused = await client.get(URL)
         assert (refused.status_code, refused.headers["retry-after"]) == (503, "5")

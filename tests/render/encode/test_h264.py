@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tests.render.raster.views import psnr
-from tigas_render.encode.h264 import Encoded, H264Encoder, nal_units
+from tigas_render.encode.h264 import EncodedFrame, H264Encoder, nal_units
 from tigas_render.encode.images import encode_yuv420p
 
 WIDTH, HEIGHT = 192, 108
@@ -23,7 +23,7 @@ def picture(number: int, width: int = WIDTH, height: int = HEIGHT) -> bytes:
     return encode_yuv420p(np.ascontiguousarray(_WORLD[at : at + height, 2 * at : 2 * at + width]))
 
 
-def decoded(frames: list[Encoded]) -> list[av.VideoFrame]:
+def decoded(frames: list[EncodedFrame]) -> list[av.VideoFrame]:
     """Each frame from an independent decoder, at once."""
     decoder = av.CodecContext.create("h264", "r")
     assert isinstance(decoder, av.VideoCodecContext)

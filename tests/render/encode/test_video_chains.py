@@ -12,7 +12,7 @@ from tigas_common.errors import Superseded
 from tigas_common.wire.render import VideoInfo, VideoRequest
 from tigas_render.encode import video_chains
 from tigas_render.encode.h264 import EncodingFailed, H264Encoder
-from tigas_render.encode.video_chains import IDLE_S, RESTING_S, VideoChains
+from tigas_render.encode.video_chains import IDLE_S, STILL_S, VideoChains
 from tigas_render.frame import Client
 
 ANN, BOB, CAL = (Client("somewhere", name) for name in ("Ann", "Bob", "Cal"))
@@ -62,9 +62,9 @@ def test_what_follows_a_frame_that_was_lost_begins_anew() -> None:
     videos = Videos()
     videos.next(1)
     videos.next(2)
-    videos.chains.lost(ANN, 2)
+    videos.chains.mark_lost(ANN, 2)
     assert [after(videos.next(seq)) for seq in (3, 4)] == [None, 3]
-    videos.chains.lost(ANN, 2)
+    videos.chains.mark_lost(ANN, 2)
     assert after(videos.next(5)) == 4, "the key frame since then is all that counts"
 
 
@@ -101,7 +101,7 @@ def test_no_address_takes_the_encoders_of_others() -> None:
 
 
 def test_a_large_video_counts_as_several(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(video_chains, "USUAL_PIXELS", WIDTH * HEIGHT // 4)
+    monkeypatch.setattr(video_chains, "REFERENCE_PIXELS", WIDTH * HEIGHT // 4)
     videos = Videos(most=5)
     for client in (ANN, BOB):
         videos.next(1, client, size=2)
@@ -111,12 +111,12 @@ def test_a_large_video_counts_as_several(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 def test_a_large_video_goes_on_while_others_rest(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(video_chains, "USUAL_PIXELS", WIDTH * HEIGHT // 4)
+    monkeypatch.setattr(video_chains, "REFERENCE_PIXELS", WIDTH * HEIGHT // 4)
     videos, large = Videos(most=6), Client("elsewhere", "Dot")
     viewers = [Client(f"address {number}", "Ann") for number in range(6)]
     for viewer in viewers:
         videos.next(1, viewer, size=2)
-    videos.now = RESTING_S
+    videos.now = STILL_S
     assert [after(videos.next(seq, large)) for seq in (1, 2)] == [None, 1]
     assert len(videos.chains) == 3
     videos.next(2, viewers[0], size=2)

@@ -141,7 +141,7 @@ async def test_a_key_frame_follows_a_withdrawn_frame(bench: Bench, monkeypatch: 
     videos, loop, lost = bench.engine.videos, asyncio.get_running_loop(), asyncio.Event()
     withdrawn = threading.Event()
 
-    encode, lose = videos.encode, videos.lost
+    encode, lose = videos.encode, videos.mark_lost
 
     def encode_slowly(*what: Any) -> tuple[bytes, VideoInfo]:
         encoded = encode(*what)
@@ -155,7 +155,7 @@ async def test_a_key_frame_follows_a_withdrawn_frame(bench: Bench, monkeypatch: 
         lost.set()
 
     monkeypatch.setattr(videos, "encode", encode_slowly)
-    monkeypatch.setattr(videos, "lost", hear)
+    monkeypatch.setattr(videos, "mark_lost", hear)
     request = render_request(seq=2, format="h264", video=VideoRequest(bitrate_kbps=1000))
     cancel = bench.engine.request(ANN, request, bench.now, lambda _: pytest.fail("it was withdrawn"))
     await lost.wait()

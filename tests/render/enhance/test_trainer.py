@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from tigas_common.wire.render import Training
-from tigas_render.enhance.trainer import NICENESS, Trainer, TrainingRuns, command
+from tigas_render.enhance.trainer import NICENESS, Trainer, TrainingRunning, training_command
 
 pytestmark = pytest.mark.anyio
 
@@ -71,7 +71,7 @@ async def test_only_one_runs_at_a_time_and_a_stopped_one_has_ended(endless: Trai
     running = await until(endless, "running", progress=0.25)
     assert running.stage == "here"
     for scene in ("scene", "other"):
-        with pytest.raises(TrainingRuns, match="scene"):
+        with pytest.raises(TrainingRunning, match="scene"):
             endless.start(scene, tmp_path / "pid", "")
     assert (await endless.stop("other")).state == "idle"
     assert endless.state("scene").state == "running"
@@ -84,4 +84,4 @@ async def test_only_one_runs_at_a_time_and_a_stopped_one_has_ended(endless: Trai
 
 
 def test_a_scenes_name_is_no_option() -> None:
-    assert command("--help", Path("out"), "http://localhost", "cpu")[-2:] == ["--", "--help"]
+    assert training_command("--help", Path("out"), "http://localhost", "cpu")[-2:] == ["--", "--help"]

@@ -14,7 +14,7 @@ from tests.command import Result, tigas
 from tests.render.ladder.test_measure import cloud
 from tests.render.scenes import plys
 from tigas_common.errors import StartError
-from tigas_render.ladder.make import choose, find_scene, hull, make, place_of, psnr_at, rung
+from tigas_render.ladder.make import choose_rungs, find_scene, ladder_path, lower_hull, make_ladder, psnr_at, to_rung
 from tigas_render.ladder.measure import Point
 from tigas_render.scenes.directory import read_source
 
@@ -34,21 +34,21 @@ POINTS = [
 def test_the_hull_has_no_setting_that_a_mixture_of_others_beats() -> None:
     good = [point(1, 100), point(2, 50), point(4, 20)]
     beaten = [point(3, 45), point(2, 60), point(5, 20), point(6, 30)]
-    assert hull([*beaten, *good]) == good
+    assert lower_hull([*beaten, *good]) == good
 
 
 def test_the_hull_gives_what_a_mixture_of_its_neighbours_does() -> None:
-    best = hull([point(1, 100), point(2, 50)])
+    best = lower_hull([point(1, 100), point(2, 50)])
     assert psnr_at(best, 1.5) == pytest.approx(10 * math.log10(255**2 / 75))
     assert psnr_at(best, 2) == pytest.approx(best[-1].psnr_db)
 
 
 @pytest.mark.parametrize("number", [8, 10, 16])
 def test_rungs_go_from_the_best_to_the_smallest_without_a_jump(number: int) -> None:
-    ladder = choose(POINTS, number)
-    best = hull(POINTS)
+    ladder = choose_rungs(POINTS, number)
+    best = lower_hull(POINTS)
     assert len(ladder) == number
-    assert (ladder[0], ladder[-1]) == (rung(best[-1]), rung(best[0]))
+    assert (ladder[0], ladder[-1]) == (to_rung(best[-1]), to_rung(best[0]))
     whole = math.log(best[-1].kb / best[0].kb)
     for better, worse in pairwise(ladder):
         assert worse.expected_kb < better.expected_kb
@@ -59,12 +59,15 @@ def test_rungs_go_from_the_best_to_the_smallest_without_a_jump(number: int) -> N
 
 
 def test_few_settings_give_few_rungs() -> None:
-    assert [one.name for one in choose([point(1, 9, 256), point(2, 4, 640, 85)], 10)] == ["640×360 q85", "256×144 q50"]
+    assert [one.name for one in choose_rungs([point(1, 9, 256), point(2, 4, 640, 85)], 10)] == [
+        "640×360 q85",
+        "256×144 q50",
+    ]
 
 
 def test_a_rung_never_has_more_pixels_than_a_better_one() -> None:
     points = [point(8, 1, 640), point(4, 2, 1280), point(2, 4, 640, 40), point(1, 9, 256)]
-    assert [one.width for one in choose(points, 4)] == [640, 640, 256]
+    assert [one.width for one in choose_rungs(points, 4)] == [640, 640, 256]
 
 
 def test_a_folder_goes_before_a_built_in_scene_of_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -73,7 +76,7 @@ def test_a_folder_goes_before_a_built_in_scene_of_its_name(tmp_path: Path, monke
     plys.write(tmp_path / "courtyard" / "scene.ply", plys.binary_ply())
     source = find_scene("courtyard")
     assert source.folder == tmp_path / "courtyard"
-    assert place_of(source) == tmp_path / "courtyard" / "ladder.json"
+    assert ladder_path(source) == tmp_path / "courtyard" / "ladder.json"
 
 
 def test_what_is_no_scene_gets_a_sentence(tmp_path: Path) -> None:
@@ -82,7 +85,7 @@ def test_what_is_no_scene_gets_a_sentence(tmp_path: Path) -> None:
     with pytest.raises(StartError, match=r"no \.ply"):
         find_scene(str(tmp_path))
     with pytest.raises(StartError, match="--out"):
-        place_of(find_scene("courtyard"))
+        ladder_path(find_scene("courtyard"))
 
 
 @pytest.mark.slow
@@ -92,7 +95,7 @@ def test_the_command_writes_a_ladder_that_the_service_takes(tmp_path: Path, monk
     write_ply(folder / "cloud.ply", cloud())
     (folder / "ladder.json").write_text("broken")
 
-    monkeypatch.setattr("tigas_render.ladder.make.make", partial(make, rungs=8, views=1))
+    monkeypatch.setattr("tigas_render.ladder.make.make_ladder", partial(make_ladder, rungs=8, views=1))
 
     def run(*options: object) -> Result:
         return tigas("scene", "ladder", folder, *options)

@@ -13,7 +13,7 @@ from tigas_common.pose import Pose
 from tigas_common.sample_cameras import SceneAxes
 from tigas_common.wire.render import StartCamera
 from tigas_render.gaussians import Gaussians
-from tigas_render.ladder.measure import CANDIDATES, DISPLAY, SIZES, measure, walks
+from tigas_render.ladder.measure import CANDIDATES, DISPLAY, SIZES, measure_views, random_walks
 from tigas_render.raster.cpu.rasterizer import CpuRasterizer
 
 AHEAD = Pose.look_at((0.0, 0.0, -4.0), (0.0, 0.0, 0.0), (0.0, -1.0, 0.0))
@@ -41,7 +41,9 @@ def test_more_pixels_and_more_quality_take_more_and_lose_less() -> None:
     rasterizer, done = CpuRasterizer(), list[float]()
     settings = [(1280, 720, 90), (640, 360, 90), (640, 360, 20), (256, 144, 20)]
     poses = iter([AWAY, AHEAD, AHEAD])  # empty views do not count
-    points = measure(rasterizer, rasterizer.prepare(cloud()), (0.0, 0.0, 0.0), poses, settings, done.append, views=1)
+    points = measure_views(
+        rasterizer, rasterizer.prepare(cloud()), (0.0, 0.0, 0.0), poses, settings, done.append, views=1
+    )
     assert [(point.width, point.height, point.quality) for point in points] == settings
     sizes, errors = [point.kb for point in points], [point.mse for point in points]
     assert sizes == sorted(sizes, reverse=True)
@@ -55,12 +57,12 @@ def test_a_scene_that_shows_nothing_has_no_ladder() -> None:
     rasterizer = CpuRasterizer()
     scene = rasterizer.prepare(cloud())
     with pytest.raises(StartError, match="are empty"):
-        measure(rasterizer, scene, (0.0, 0.0, 0.0), [AWAY] * 9, [(640, 360, 50)], lambda done: None, views=2)
+        measure_views(rasterizer, scene, (0.0, 0.0, 0.0), [AWAY] * 9, [(640, 360, 50)], lambda done: None, views=2)
 
 
 def test_walks_are_the_same_ones_for_a_seed_and_stay_near_the_start_camera() -> None:
     axes = SceneAxes.of(StartCamera(position=(0, 0, -10), look_at=(0, 0, 0)), (0, -1, 0))
-    poses = list(islice(walks(axes, "a"), 30))
-    assert poses == list(islice(walks(axes, "a"), 30)) != list(islice(walks(axes, "b"), 30))
+    poses = list(islice(random_walks(axes, "a"), 30))
+    assert poses == list(islice(random_walks(axes, "a"), 30)) != list(islice(random_walks(axes, "b"), 30))
     assert all(abs(pose.position[0]) < 6 and -16 < pose.position[2] < -4 for pose in poses)
     assert len({pose.position for pose in poses}) == 30

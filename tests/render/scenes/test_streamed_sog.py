@@ -19,7 +19,7 @@ from tests.render.scenes import made_up, plys
 from tests.render.scenes.test_directory import assert_part_of
 from tests.render.scenes.test_formats import picture, shell_picture
 from tigas_common.errors import BrokenScene
-from tigas_render.downloads.cache import make
+from tigas_render.downloads.cache import write_download
 from tigas_render.gaussians import Gaussians
 from tigas_render.scenes.directory import find_scene_file, read_scene_file, read_source, scan_directory
 from tigas_render.scenes.library_operations import add_scene
@@ -202,7 +202,7 @@ def test_one_can_be_added_and_downloaded_with_its_environment(tmp_path: Path, en
     write_environment(tmp_path / "hall", environment)
     _, file = add_scene(str(tmp_path / "hall"), tmp_path / "models", None, lambda _: None, 10**9)
     assert file.count == 920
-    made = make(scan_directory(tmp_path / "models")["hall"], tmp_path / "hall.ply", lambda: None)
+    made = write_download(scan_directory(tmp_path / "models")["hall"], tmp_path / "hall.ply", lambda: None)
     assert (made.gaussians, len(read_scene_file(tmp_path / "hall.ply").load())) == (920, 920)
 
 

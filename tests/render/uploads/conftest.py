@@ -23,7 +23,7 @@ from tigas_render.server.app import create_app
 from tigas_render.server.library import SceneLibrary
 from tigas_render.server.service import RenderService
 from tigas_render.settings import RenderSettings
-from tigas_render.uploads.parts import FOLDER
+from tigas_render.uploads.parts import FOLDER_NAME
 
 
 @pytest.fixture
@@ -50,7 +50,7 @@ async def in_a_thread(function: Callable[[*Ts], T], *arguments: *Ts, limit: Limi
 async def serving(settings: RenderSettings, offload: Offload = in_a_thread) -> AsyncIterator[httpx.AsyncClient]:
     """A client of a service, over a socket."""
     async with RenderService.open(settings, FakeRasterizer()) as service:
-        service.library = SceneLibrary(settings, service.registry, service.shelf, offload)
+        service.library = SceneLibrary(settings, service.registry, service.weights, offload)
         async with (
             serve_http(create_app(service), Address("127.0.0.1", 0), HttpLimits()) as port,
             httpx.AsyncClient(base_url=f"http://127.0.0.1:{port}", timeout=60) as client,
@@ -66,7 +66,7 @@ async def client(models: Path) -> AsyncIterator[httpx.AsyncClient]:
 
 def left(models: Path) -> list[str]:
     """Files other than scenes."""
-    return [path.name for path in (models / FOLDER).iterdir()] if (models / FOLDER).exists() else []
+    return [path.name for path in (models / FOLDER_NAME).iterdir()] if (models / FOLDER_NAME).exists() else []
 
 
 def names(models: Path) -> list[str]:

@@ -17,7 +17,15 @@ from tests.render.uploads.conftest import fail, ids, inodes, left, names, proble
 from tigas_common.errors import Overloaded
 from tigas_common.offload import offload_to_process
 from tigas_render.uploads import parts
-from tigas_render.uploads.parts import FOLDER, IDLE_S, MOST, MOST_OF_ADDRESS, STALLED_S, UnknownUpload, Uploads
+from tigas_render.uploads.parts import (
+    FOLDER_NAME,
+    IDLE_S,
+    MAX_PER_ADDRESS,
+    MAX_UPLOADS,
+    STALLED_S,
+    UnknownUpload,
+    Uploads,
+)
 
 pytestmark = pytest.mark.anyio
 
@@ -106,7 +114,7 @@ async def test_a_file_that_takes_too_much_to_check_ends_nothing_but_its_own_proc
     async with serving(settings_for(models), offload_to_process) as client:
         with monkeypatch.context() as patched:
             patched.setattr("tigas_render.server.library.CHECK_MEMORY", -8_000_000_000)  # no more than it has already
-            patched.setattr("tigas_render.server.library.keep_upload", take_memory)
+            patched.setattr("tigas_render.server.library.commit_upload", take_memory)
             refused = await upload(client, "hostile.ply", plys.binary_ply())
         assert problem(refused) == (422, "too-costly")
         assert (await upload(client, "good.spz", SHELL)).status_code == 201
@@ -149,7 +157,7 @@ async def test_of_two_uploads_with_one_name_one_becomes_the_scene(client: httpx.
     assert "There is a scene shell already" in next(each for each in answers if each.status_code == 422).text
     again = await client.post("/uploads", headers=begin("shell.sog", 10))
     assert "There is a scene shell already" in again.json()["detail"]
-    assert names(models) == [FOLDER, "attic.ply", "shell.spz"]
+    assert names(models) == [FOLDER_NAME, "attic.ply", "shell.spz"]
 
 
 async def test_what_is_too_large_is_refused_before_it_comes_and_while_it_does(client: httpx.AsyncClient) -> None:
@@ -191,7 +199,7 @@ async def test_the_disk_keeps_a_reserve(client: httpx.AsyncClient, monkeypatch: 
 
 
 async def test_an_address_has_some_of_the_places(client: httpx.AsyncClient, models: Path) -> None:
-    places = [await begun(client, "a.ply", 5) for _ in range(MOST_OF_ADDRESS)]
+    places = [await begun(client, "a.ply", 5) for _ in range(MAX_PER_ADDRESS)]
     refused = await client.post("/uploads", headers=begin("a.ply", 5))
     assert (refused.status_code, refused.headers["retry-after"]) == (503, "60")
     assert "4 files are being uploaded from this address" in refused.json()["detail"]
@@ -202,7 +210,7 @@ async def test_an_address_has_some_of_the_places(client: httpx.AsyncClient, mode
 
 def test_there_are_only_so_many_at_a_time(models: Path) -> None:
     uploads = Uploads(models, 10)
-    for number in range(MOST):
+    for number in range(MAX_UPLOADS):
         uploads.create("a", 5, f"192.0.2.{number}")
     with pytest.raises(Overloaded, match="8 files are being uploaded already"):
         uploads.create("a", 5, "192.0.2.100")
@@ -213,7 +221,7 @@ def test_a_stalled_upload_keeps_no_place_and_an_empty_one_is_removed(
 ) -> None:
     now = [time.time()]
     uploads = Uploads(models, 1000, clock=lambda: now[0])
-    empty, begun, *_ = (uploads.create("a", 1000, "192.0.2.1") for _ in range(MOST_OF_ADDRESS))
+    empty, begun, *_ = (uploads.create("a", 1000, "192.0.2.1") for _ in range(MAX_PER_ADDRESS))
     uploads.append(begun.id, 0, b"part")
     now[0] += STALLED_S + 5
     reserved: list[int] = []
@@ -269,7 +277,7 @@ async def test_the_folder_of_uploads_may_be_on_another_disk(
     link = os.link
 
     def link_on_one_disk(source: Path, target: Path, *, follow_symlinks: bool) -> None:
-        if FOLDER in source.parts:
+        if FOLDER_NAME in source.parts:
             raise OSError(errno.EXDEV, os.strerror(errno.EXDEV))
         link(source, target, follow_symlinks=follow_symlinks)
 
@@ -277,7 +285,7 @@ async def test_the_folder_of_uploads_may_be_on_another_disk(
     at = await begun(client, "shell.spz", len(SHELL), SHELL)
     assert [(await client.post(f"{at}/scene")).status_code for _ in range(2)] == [201, 201]
     assert (models / "shell.spz").read_bytes() == SHELL
-    assert names(models) == [FOLDER, "attic.ply", "shell.spz"]
+    assert names(models) == [FOLDER_NAME, "attic.ply", "shell.spz"]
 
 
 async def test_an_upload_for_which_the_disk_has_no_room_is_kept_and_added_later(
@@ -315,6 +323,6 @@ async def test_a_check_that_outlives_its_service_is_not_forgotten(models: Path) 
         with uploads.lock(ours):  # the check continues after its service was killed
             asked = asyncio.create_task(client.post(f"{at}/scene"))
             await client.get("/scenes")
-            uploads.note_adding(ours)
+            uploads.mark_added(ours)
             ours.path.rename(models / "shell.spz")
         assert [(await asked).status_code, (await client.post(f"{at}/scene")).status_code] == [201, 201]

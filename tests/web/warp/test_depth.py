@@ -56,7 +56,9 @@ def test_a_frame_s_depth_has_the_codes_that_were_sent(page: Page, kind: str, opt
 def test_the_page_reads_the_depth_that_the_server_writes(page: Page) -> None:
     y, x = np.mgrid[:104, :184]
     inverse = (0.3 + 0.2 * np.sin(x / 40) * np.cos(y / 30)).astype(np.float32)
-    depth = decoded_depth(page, depth_segment.with_depth(encoded(noise(32, 18), "jpeg"), depth_segment.coded(inverse)))
+    depth = decoded_depth(
+        page, depth_segment.insert_depth(encoded(noise(32, 18), "jpeg"), depth_segment.encode_depth(inverse))
+    )
     assert depth is not None
     found = depth["nearest"] * np.reshape(depth["codes"], inverse.shape) / 255
     assert np.abs(found - inverse).mean() < 0.005

@@ -40,20 +40,20 @@ _log = logging.getLogger(__name__)
 
 VERSION = 2
 """Version of the files; increment it when their content changes, so that old cached files are not used."""
-CARD = ".json"
+METADATA_SUFFIX = ".json"
 """Suffix of a metadata file."""
-AT_ONCE, OF_AN_ADDRESS = 128, 32
+MAX_DOWNLOADS, MAX_DOWNLOADS_PER_ADDRESS = 128, 32
 """Concurrent answers, in total and per address. Each holds a connection and an open file until it has been read."""
 ABANDONED_S = 600.0
 """Age in seconds above which an unfinished file counts as abandoned."""
 RETRY_S = 5.0
 Check = Callable[[], None]
 """Raises Overloaded once the service is stopping."""
-Make = Callable[[SceneSource, Path, Check], SceneDownload]
+WriteDownload = Callable[[SceneSource, Path, Check], SceneDownload]
 """Writes a scene's file. Raises BrokenScene, Overloaded and OSError."""
 
 
-class NoSuchDownload(TigasError):
+class UnknownDownload(TigasError):
     """The server does not offer this download, or any."""
 
     status, type, title = 404, "unknown-download", "There is no such download"
@@ -66,14 +66,14 @@ class NoSpace(TigasError):
 
 
 @dataclass(frozen=True, slots=True)
-class MadeFile:
+class DownloadFile:
     """A file that can be downloaded."""
 
     path: Path
-    about: SceneDownload
+    metadata: SceneDownload
 
 
-def make(source: SceneSource, path: Path, check: Check) -> SceneDownload:
+def write_download(source: SceneSource, path: Path, check: Check) -> SceneDownload:
     """Write a scene's file, with all of the scene in memory.
 
     Raises BrokenScene, the errors of `check`, and OSError if the file cannot be written.
@@ -91,77 +91,77 @@ def make(source: SceneSource, path: Path, check: Check) -> SceneDownload:
 class DownloadCache:
     """Files in `directory`, of at most `limit` bytes in total. With a limit of 0, no downloads are offered."""
 
-    def __init__(self, directory: Path, limit: int, make: Make = make) -> None:
+    def __init__(self, directory: Path, limit: int, write_download: WriteDownload = write_download) -> None:
         self._directory = directory
         self._limit = limit
-        self._make = make
-        self._making = SingleFlight[Path, MadeFile]()
-        self._turns = asyncio.Lock()  # so that only one scene at a time is in memory for this
+        self._write_download = write_download
+        self._requests = SingleFlight[Path, DownloadFile]()
+        self._make_lock = asyncio.Lock()  # so that only one scene at a time is in memory for this
         self._closed = False
 
     def close(self) -> None:
         """Abort the files being made, because the service is stopping."""
         self._closed = True
 
-    def offered(self, source: SceneSource) -> tuple[SceneDownload, ...]:
+    def available(self, source: SceneSource) -> tuple[SceneDownload, ...]:
         """The downloadable forms of a scene, with metadata for a file that has been made. Reads files."""
         if not self._limit or source.open is None:
             return ()
-        whole = _about(self._path(source)) or SceneDownload()
+        whole = _read_metadata(self._path(source)) or SceneDownload()
         if source.format != FORMAT:
             return (whole,)
         return whole, SceneDownload(form="streamed", gaussians=source.gaussians)
 
-    def level(self, source: SceneSource, name: str) -> tuple[Path, str]:
-        """A file of a streamed scene, and its version. Raises NoSuchDownload."""
+    def streamed_file(self, source: SceneSource, name: str) -> tuple[Path, str]:
+        """A file of a streamed scene, and its version. Raises UnknownDownload."""
         if self._limit and source.folder is not None and source.format == FORMAT:
             with contextlib.suppress(OSError):  # removed in the meantime, or its name is too long
                 if (path := find_streamable_file(source.folder, name)) is not None:
                     status = path.stat()
                     return path, f"{status.st_mtime_ns:x}-{status.st_size:x}"
-        raise NoSuchDownload(f"{source.name} has no file {name[:100]!r} to stream.")
+        raise UnknownDownload(f"{source.name} has no file {name[:100]!r} to stream.")
 
-    async def get(self, source: SceneSource) -> MadeFile:
+    async def get(self, source: SceneSource) -> DownloadFile:
         """A scene's file, made once for concurrent first requests.
 
-        Raises NoSuchDownload, BrokenScene, NoSpace if the file does not fit on the disk or under the limit, and
+        Raises UnknownDownload, BrokenScene, NoSpace if the file does not fit on the disk or under the limit, and
         Overloaded if the service is stopping.
         """
         if not self._limit:
-            raise NoSuchDownload(f"{source.name} is not offered for download.")
+            raise UnknownDownload(f"{source.name} is not offered for download.")
         if source.open is None:
             raise BrokenScene(source.error or f"{source.name} cannot be loaded.")
         path = self._path(source)
-        return await self._making.get(path, lambda: self._kept_or_made(source, path))
+        return await self._requests.get(path, lambda: self._get_or_make(source, path))
 
     def _path(self, source: SceneSource) -> Path:
         """The cache file, whose name depends on everything that its content depends on."""
         key = f"{VERSION}|{source.id}|{source.version}|{source.metadata.appearance_key}"
         return self._directory / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.compressed"
 
-    async def _kept_or_made(self, source: SceneSource, path: Path) -> MadeFile:
-        about = await asyncio.to_thread(_used, path)
+    async def _get_or_make(self, source: SceneSource, path: Path) -> DownloadFile:
+        about = await asyncio.to_thread(_touch, path)
         if about is None:
-            async with self._turns:
-                about = await asyncio.to_thread(self._make_and_keep, source, path)
-        return MadeFile(path, about)
+            async with self._make_lock:
+                about = await asyncio.to_thread(self._write, source, path)
+        return DownloadFile(path, about)
 
-    def _check(self) -> None:
+    def _check_open(self) -> None:
         if self._closed:
             raise Overloaded("The download was not made, as the service is stopping.", RETRY_S)
 
-    def _make_and_keep(self, source: SceneSource, path: Path) -> SceneDownload:
+    def _write(self, source: SceneSource, path: Path) -> SceneDownload:
         temporary = path.with_suffix(f"{path.suffix}.{os.getpid()}.tmp")
         try:
             self._directory.mkdir(parents=True, exist_ok=True)
-            about = self._make(source, temporary, self._check)
+            about = self._write_download(source, temporary, self._check_open)
             size = temporary.stat().st_size
             if size > self._limit:
                 raise NoSpace(
                     f"{source.name} takes {size / 1e6:.1f} MB as a download, and all together may take"
                     f" {self._limit / 1e6:.1f} MB."
                 )
-            self._make_room(size, temporary)
+            self._evict(size, temporary)
             temporary.replace(path)
         except OSError as error:
             reason = error.strerror or error
@@ -169,56 +169,56 @@ class DownloadCache:
         finally:
             with contextlib.suppress(OSError):
                 temporary.unlink()
-        write_to_cache(_card(path), about.model_dump_json().encode())
+        write_to_cache(_metadata_path(path), about.model_dump_json().encode())
         _log.info("Made %s for download: %d Gaussians, %.1f MB", source.id, about.gaussians, size / 1e6)
         return about
 
-    def _make_room(self, needed: int, spared: Path) -> None:
+    def _evict(self, needed: int, spared: Path) -> None:
         """Remove the least recently used files, without affecting open readers. Raises OSError."""
         used = []
         for path in self._directory.iterdir():
             with contextlib.suppress(FileNotFoundError):  # finished or removed by another process
                 stat = path.stat()
                 being_made = path.suffix == ".tmp" and time.time() - stat.st_mtime < ABANDONED_S
-                if path != spared and path.suffix != CARD and not being_made:
+                if path != spared and path.suffix != METADATA_SUFFIX and not being_made:
                     used.append((stat.st_atime_ns, stat.st_size, path))
         used.sort()
         excess = sum(size for _, size, _ in used) + needed - self._limit
         for _, size, path in used:
             if excess <= 0:
                 return
-            for gone in (_card(path), path):
+            for gone in (_metadata_path(path), path):
                 gone.unlink(missing_ok=True)
             excess -= size
 
 
-def _card(path: Path) -> Path:
-    return path.with_suffix(path.suffix + CARD)
+def _metadata_path(path: Path) -> Path:
+    return path.with_suffix(path.suffix + METADATA_SUFFIX)
 
 
-def _used(path: Path) -> SceneDownload | None:
-    """Like `_about`, but also marks the file as most recently used, by its access time."""
+def _touch(path: Path) -> SceneDownload | None:
+    """Like `_read_metadata`, but also marks the file as most recently used, by its access time."""
     with contextlib.suppress(OSError):
         os.utime(path, ns=(time.time_ns(), path.stat().st_mtime_ns))
-    return _about(path)
+    return _read_metadata(path)
 
 
-def _about(path: Path) -> SceneDownload | None:
+def _read_metadata(path: Path) -> SceneDownload | None:
     """Metadata of a file; None if it is missing or incomplete."""
     try:
-        about = parse(SceneDownload, _card(path).read_bytes())
+        about = parse(SceneDownload, _metadata_path(path).read_bytes())
         return about if path.stat().st_size == about.bytes else None
     except (OSError, InvalidRequest):
         return None
 
 
-class Readers:
+class FileSender:
     """Answers requests with files, up to a limit of concurrent answers."""
 
     def __init__(self) -> None:
-        self.limit = ConcurrencyLimit(AT_ONCE, OF_AN_ADDRESS)
+        self.limit = ConcurrencyLimit(MAX_DOWNLOADS, MAX_DOWNLOADS_PER_ADDRESS)
 
-    def answer(self, request: Request, path: Path, version: str | None, **options: Any) -> Response:
+    def response(self, request: Request, path: Path, version: str | None, **options: Any) -> Response:
         """Answer with a file, or a range of it, or 304. Sending the answer raises Overloaded beyond the limit."""
         headers = {
             "ETag": f'"{version}"',
@@ -227,10 +227,10 @@ class Readers:
         }
         if has_already(request, headers["ETag"]):
             return Response(status_code=304, headers=headers)
-        return _Reading(self.limit, path, headers=headers, **options)
+        return _LimitedFileResponse(self.limit, path, headers=headers, **options)
 
 
-class _Reading(FileResponse):
+class _LimitedFileResponse(FileResponse):
     """A file response that counts towards the limit until its client has read it."""
 
     chunk_size = 256 * 1024

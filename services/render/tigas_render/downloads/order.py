@@ -62,10 +62,10 @@ def download_order(gaussians: Gaussians, viewpoint: Point, check: Callable[[], N
     parts = [part for part in parts if part.count < len(indices)]
     codes = morton_codes(gaussians.means)
     runs = np.split(indices, [part.count for part in parts])
-    return Order(np.concatenate([_sorted(run, codes, check) for run in runs]), tuple(parts))
+    return Order(np.concatenate([_sort_by_place(run, codes, check) for run in runs]), tuple(parts))
 
 
-def _sorted(run: NDArray[np.int64], codes: NDArray[np.int64], check: Callable[[], None]) -> NDArray[np.int64]:
+def _sort_by_place(run: NDArray[np.int64], codes: NDArray[np.int64], check: Callable[[], None]) -> NDArray[np.int64]:
     check()
     return run[np.argsort(codes[run], kind="stable")]
 

@@ -45,7 +45,7 @@ class CodedDepth(NamedTuple):
     """A WebP or JPEG of 8-bit codes, where code v is an inverse depth of nearest · v / 255."""
 
 
-def coded(inverse: NDArray[np.float32]) -> CodedDepth:
+def encode_depth(inverse: NDArray[np.float32]) -> CodedDepth:
     """Encode an inverse depth [h, w], in 1/scene units."""
     nearest, codes = quantised(np.ascontiguousarray(inverse))
     image = io.BytesIO()
@@ -53,7 +53,7 @@ def coded(inverse: NDArray[np.float32]) -> CodedDepth:
     return CodedDepth(nearest, image.getvalue())
 
 
-def with_depth(picture: bytes, depth: CodedDepth) -> bytes:
+def insert_depth(picture: bytes, depth: CodedDepth) -> bytes:
     """Insert a depth into a JPEG or WebP."""
     content = struct.pack(">f", depth.nearest) + depth.image
     if picture.startswith(b"RIFF"):

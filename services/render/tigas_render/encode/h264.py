@@ -25,11 +25,11 @@ PROFILE: Final = "main"
 """Has better entropy coding than `baseline`, and is supported by all decoders."""
 FRAMES_PER_S: Final = 60
 """Nominal frame rate of the rate control, for all viewers: only the bits per frame matter."""
-LEAST_BITS, MOST_BITS = 1_000.0, 25_000_000.0
+MIN_BITS, MAX_BITS = 1_000.0, 25_000_000.0
 """Limits of the bits per frame, within x264's range."""
 HEADROOM: Final = 1.25
 """Ratio of an encoder's highest rate to its initial rate."""
-RANGE: Final = 2.0
+RATE_RANGE: Final = 2.0
 """Ratio of an encoder's highest rate to its lowest rate."""
 BUFFER_FRAMES: Final = 2.0
 """Size of the buffer, in frames at the highest rate. x264 spends about half of the buffer on a frame."""
@@ -50,7 +50,7 @@ class EncodingFailed(TigasError):
     """The encoder returned no frame."""
 
 
-class Encoded(NamedTuple):
+class EncodedFrame(NamedTuple):
     """An encoded frame of the video."""
 
     body: bytes
@@ -65,7 +65,7 @@ class H264Encoder:
     def __init__(self, width: int, height: int, bits: float) -> None:
         """width, height: even numbers. bits: initial bits per frame. Raises EncodingFailed."""
         self.width, self.height = width, height
-        self._most = HEADROOM * _counted(bits)
+        self._max_bits = HEADROOM * _clamp_bits(bits)
         self._number = 0
         self.codec = ""
         """Codec string, known after the first frame."""
@@ -73,7 +73,7 @@ class H264Encoder:
         assert isinstance(codec, av.VideoCodecContext)
         codec.width, codec.height, codec.pix_fmt = width, height, "yuv420p"
         codec.time_base, codec.framerate = Fraction(1, FRAMES_PER_S), Fraction(FRAMES_PER_S)
-        codec.bit_rate = most = _rate(self._most)  # equal to `maxrate`, for a constant rate even after changes
+        codec.bit_rate = max_rate = _rate(self._max_bits)  # equal to `maxrate`, for a constant rate even after changes
         codec.gop_size = 2**20  # key frames are requested explicitly
         codec.max_b_frames = 0
         codec.thread_count = 1
@@ -84,8 +84,8 @@ class H264Encoder:
             "tune": "zerolatency",
             "profile": PROFILE,
             "forced-idr": "1",
-            "maxrate": str(most),
-            "bufsize": str(round(max(self._most * BUFFER_FRAMES, width * height * BUFFER_BITS_PER_PIXEL))),
+            "maxrate": str(max_rate),
+            "bufsize": str(round(max(self._max_bits * BUFFER_FRAMES, width * height * BUFFER_BITS_PER_PIXEL))),
             "x264-params": _X264,
         }
         self._context = codec
@@ -96,10 +96,10 @@ class H264Encoder:
 
     def fits(self, width: int, height: int, bits: float) -> bool:
         """Whether this encoder can continue with images of this size and this number of bits per frame."""
-        is_in_range = self._most / RANGE <= _counted(bits) <= self._most
+        is_in_range = self._max_bits / RATE_RANGE <= _clamp_bits(bits) <= self._max_bits
         return (width, height) == (self.width, self.height) and is_in_range
 
-    def encode(self, planes: bytes, bits: float, *, key: bool) -> Encoded:
+    def encode(self, planes: bytes, bits: float, *, key: bool) -> EncodedFrame:
         """Encode planes from `encode_yuv420p` to about this number of bits. The first frame is always a key frame.
 
         Raises EncodingFailed; the encoder must not be used after that.
@@ -124,7 +124,7 @@ class H264Encoder:
             self.codec = next(f"avc1.{unit[1:4].hex()}" for unit in units if unit[0] & 0x1F == _SPS)
             # without SEI, which has x264's name and settings in 700 bytes
             body = b"".join(b"\0\0\0\1" + unit for unit in units if unit[0] & 0x1F != _SEI)
-        return Encoded(body, self.codec)
+        return EncodedFrame(body, self.codec)
 
 
 def nal_units(stream: bytes) -> Iterator[bytes]:
@@ -132,10 +132,10 @@ def nal_units(stream: bytes) -> Iterator[bytes]:
     return (unit for unit in _START_CODE.split(stream)[1:] if unit)
 
 
-def _counted(bits: float) -> float:
-    return min(max(bits, LEAST_BITS), MOST_BITS)
+def _clamp_bits(bits: float) -> float:
+    return min(max(bits, MIN_BITS), MAX_BITS)
 
 
 def _rate(bits: float) -> int:
     """Bits per second, rounded to thousands like x264's rates."""
-    return round(_counted(bits) * FRAMES_PER_S / 1000) * 1000
+    return round(_clamp_bits(bits) * FRAMES_PER_S / 1000) * 1000

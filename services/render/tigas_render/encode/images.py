@@ -18,8 +18,8 @@ Pixels = npt.NDArray[np.uint8]
 
 WEBP_METHOD: Final = 1
 """Effort, 0 to 6; see the comparison in docs/streams.md."""
-_OF_JPEG: Final = (1, 10, 20, 35, 65, 90, 100)
-_OF_WEBP: Final = (0, 3, 10, 28, 60, 88, 99)
+_JPEG_QUALITIES: Final = (1, 10, 20, 35, 65, 90, 100)
+_WEBP_QUALITIES: Final = (0, 3, 10, 28, 60, 88, 99)
 """JPEG qualities, and the WebP qualities with the same PSNR on the most demanding scene (docs/streams.md)."""
 KR, KB = 0.2126, 0.0722
 """BT.709's luma weights of red and blue."""
@@ -41,7 +41,7 @@ def encode_png(pixels: Pixels) -> bytes:
 def encode_webp(pixels: Pixels, quality: int) -> bytes:
     """Encode RGB pixels [H, W, 3] with the PSNR of a JPEG of quality 1 to 100 (VP8 key frames, RFC 6386)."""
     buffer = io.BytesIO()
-    equal = round(float(np.interp(quality, _OF_JPEG, _OF_WEBP)))
+    equal = round(float(np.interp(quality, _JPEG_QUALITIES, _WEBP_QUALITIES)))
     Image.fromarray(pixels).save(buffer, "WEBP", quality=equal, method=WEBP_METHOD)
     return buffer.getvalue()
 

@@ -16,11 +16,11 @@ from tigas_common.wire.render import VideoInfo, VideoRequest
 from tigas_render.encode.h264 import H264Encoder
 from tigas_render.frame import Client
 
-VIDEO_ENCODERS: Final = 64
+MAX_ENCODERS: Final = 64
 """Default maximum number of concurrent encoders."""
-USUAL_PIXELS: Final = 1280 * 720
+REFERENCE_PIXELS: Final = 1280 * 720
 """Size above which a video counts as several; an encoder of this size takes about 20 MB."""
-RESTING_S: Final = 1.0
+STILL_S: Final = 1.0
 """Seconds without a request after which a viewer is standing still, and may continue with a key frame."""
 IDLE_S: Final = 10.0
 """Seconds without a request after which a viewer gets a new chain."""
@@ -35,42 +35,42 @@ class VideoChain:
     """Number of encoders as which it counts."""
     lock: threading.Lock = field(default_factory=threading.Lock)
     encoder: H264Encoder | None = None
-    last: int | None = None
+    last_seq: int | None = None
     """Number of the frame to which the next one can refer."""
-    began: int = 0
+    key_frame_seq: int = 0
     """Number of the last key frame."""
     is_broken: bool = False
     """Whether the next frame must be a key frame, because the viewer does not get the last one."""
 
     def encode(self, seq: int, video: VideoRequest, width: int, height: int, planes: bytes) -> tuple[bytes, VideoInfo]:
         """Implementation of `VideoChains.encode`. The caller must hold the lock."""
-        if self.last is not None and seq < self.last and not video.key:
+        if self.last_seq is not None and seq < self.last_seq and not video.key:
             raise Superseded("A newer view of this client has been encoded already.")
         bits = 1000 * video.bitrate_kbps / video.frames_per_s
         encoder = self.encoder
         if encoder is None or not encoder.fits(width, height, bits):
             self.encoder = None
             encoder = H264Encoder(width, height, bits)
-            self.last = None
-        key = self.last is None or video.key or self.is_broken
+            self.last_seq = None
+        key = self.last_seq is None or video.key or self.is_broken
         if key:
-            self.began, self.is_broken = seq, False
+            self.key_frame_seq, self.is_broken = seq, False
         self.encoder = None  # not reused if it fails
         body, codec = encoder.encode(planes, bits, key=key)
         self.encoder = encoder
-        after, self.last = None if key else self.last, seq
+        after, self.last_seq = None if key else self.last_seq, seq
         return body, VideoInfo(key=key, after=after, codec=codec)
 
 
 class VideoChains:
     """All chains of one engine."""
 
-    def __init__(self, most: int, clock: Callable[[], float]) -> None:
-        """most: maximum number of encoders. Above it, the address with the most loses its least recently used chain.
+    def __init__(self, max_encoders: int, clock: Callable[[], float]) -> None:
+        """max_encoders: above it, the address with the most encoders loses its least recently used chain.
 
         If it has only one, a large video, the chain that has been at rest for longest is dropped instead, if any.
         """
-        self._most = most
+        self._max_encoders = max_encoders
         self._clock = clock
         self._chains: OrderedDict[Client, VideoChain] = OrderedDict()
         """Chains by client, in the order of their last request."""
@@ -86,15 +86,15 @@ class VideoChains:
 
         Waits for the previous frame. Raises Superseded if a later one has been encoded already, and EncodingFailed.
         """
-        chain = self._chain(client, max(1, width * height / USUAL_PIXELS))
+        chain = self._chain(client, max(1, width * height / REFERENCE_PIXELS))
         with chain.lock:
             return chain.encode(seq, video, width, height, planes)
 
-    def lost(self, client: Client, seq: int) -> None:
+    def mark_lost(self, client: Client, seq: int) -> None:
         """Record that an encoded frame was not delivered, so that no later one may refer to it. Does not block."""
         with self._lock:
             chain = self._chains.get(client)
-            if chain is not None and seq >= chain.began:
+            if chain is not None and seq >= chain.key_frame_seq:
                 chain.is_broken = True
 
     def forget(self, client: Client) -> None:
@@ -118,17 +118,17 @@ class VideoChains:
                 chain = self._chains[client] = VideoChain(self._clock())
             self._chains.move_to_end(client)
             chain.used_at, chain.weight = self._clock(), weight
-            self._make_room()
+            self._evict()
             return chain
 
-    def _make_room(self) -> None:
-        while len(self._chains) > 1 and sum(chain.weight for chain in self._chains.values()) > self._most:
+    def _evict(self) -> None:
+        while len(self._chains) > 1 and sum(chain.weight for chain in self._chains.values()) > self._max_encoders:
             of_address: defaultdict[str, float] = defaultdict(float)
             for client, chain in self._chains.items():
                 of_address[client.address] += chain.weight
             heaviest = max(of_address, key=of_address.__getitem__)
             victim, *others = [client for client in self._chains if client.address == heaviest]
             oldest, chain = next(iter(self._chains.items()))
-            if not others and self._clock() - chain.used_at >= RESTING_S:
+            if not others and self._clock() - chain.used_at >= STILL_S:
                 victim = oldest
             del self._chains[victim]

@@ -15,7 +15,7 @@ from typing import Final, Protocol, Self
 
 from tigas_common.errors import DeadlineExceeded, DeviceLost, InvalidRequest, OutOfDeviceMemory, Overloaded, TigasError
 from tigas_common.wire.render import RenderRequest, Rung
-from tigas_render.encode.video_chains import VIDEO_ENCODERS, VideoChains
+from tigas_render.encode.video_chains import MAX_ENCODERS, VideoChains
 from tigas_render.engine.frame_maker import FrameMaker, LaneFrameMaker, ThreadFrameMaker
 from tigas_render.engine.frame_size import FrameSize
 from tigas_render.engine.metrics import EngineMetrics
@@ -65,7 +65,7 @@ class Engine(FrameSource):
             lambda answer: self._deliver(*answer)
         )
         self._queue = WorkQueue(rasterizer.frames_in_flight, ladder, clock, self._post)
-        self.videos = VideoChains(VIDEO_ENCODERS, clock)
+        self.videos = VideoChains(MAX_ENCODERS, clock)
         self._thread = threading.get_ident()
         suited = LaneFrameMaker if isinstance(rasterizer, LaneRasterizer) else ThreadFrameMaker
         self._maker: FrameMaker = suited(rasterizer, self._queue, clock, self._finish, self.videos)
@@ -216,4 +216,4 @@ class Engine(FrameSource):
 
     def _handle_undelivered(self, work: Work, result: Frame | Exception) -> None:
         if isinstance(result, Frame) and result.video is not None:
-            self.videos.lost(work.client, result.seq)
+            self.videos.mark_lost(work.client, result.seq)

@@ -17,7 +17,7 @@ from typing import Final
 
 from tigas_common.errors import DeadlineExceeded, Superseded, TigasError
 from tigas_common.wire.render import FrameFormat, RenderRequest, ServerTiming
-from tigas_render.encode.depth_segment import coded, with_depth
+from tigas_render.encode.depth_segment import encode_depth, insert_depth
 from tigas_render.encode.images import encode_webp
 from tigas_render.encode.video_chains import VideoChains
 from tigas_render.engine.work import CallbackQueue, Work
@@ -32,7 +32,7 @@ logger = logging.getLogger(__name__)
 SUFFICIENT_LANES: Final = 6
 """Number of concurrent frames that keeps a device busy."""
 MAX_LANES_BUSY_S: Final = 0.05
-"""Expected seconds of work in lanes above which only ENOUGH_LANES are used: for a slow device, requests had better wait
+"""Expected seconds of work in lanes above which only SUFFICIENT_LANES are used: for a slow device, requests should wait
 in the queue, where newer ones can replace them."""
 
 
@@ -99,7 +99,7 @@ class FrameMaker(ABC):
 class LaneFrameMaker(FrameMaker):
     """Starts a frame whenever a lane is free, and finishes JPEGs, all on the event loop.
 
-    Lanes beyond ENOUGH_LANES keep the device busy while finished lanes wait for a busy event loop.
+    Lanes beyond SUFFICIENT_LANES keep the device busy while finished lanes wait for a busy event loop.
     Threads do the remaining work on the host, such as encoding video and WebP.
     """
 
@@ -279,8 +279,8 @@ def _encode(work: Work, image: Image) -> bytes:
         body = image.encode(raster_format(work.request), work.quality)
     depth = image.coded_depth
     if depth is None and image.depth is not None:
-        depth = coded(image.depth)
-    return body if depth is None else with_depth(body, depth)
+        depth = encode_depth(image.depth)
+    return body if depth is None else insert_depth(body, depth)
 
 
 def _ms(seconds: float) -> float:

@@ -22,34 +22,34 @@ from tigas_common.processes import tigas, wait_or_kill
 from tigas_common.wire.render import Training
 
 NICENESS = 15
-STOP_S = 5.0
+STOP_TIMEOUT_S = 5.0
 """Seconds after which a child that has been asked to exit is killed."""
-MOST_SAID = 4096
+MAX_OUTPUT_BYTES = 4096
 """Maximum number of bytes in a line of progress, and of a child's standard error to keep."""
 
 _log = logging.getLogger(__name__)
 
 
-class NoTraining(TigasError):
+class TrainingUnavailable(TigasError):
     """The dependencies of training are not installed."""
 
     status, type, title = 501, "no-training", "Networks cannot be trained here"
 
 
-class TrainingRuns(TigasError):
+class TrainingRunning(TigasError):
     """Another training is running already."""
 
     status, type, title = 409, "training-runs", "Networks are being trained"
 
 
-def why_no_training() -> str | None:
+def training_problem() -> str | None:
     """Why networks cannot be trained here, in one sentence; None if they can."""
     if find_spec("torch"):
         return None
     return f"Training needs PyTorch, which this server does not have: {install_command('lab')}, or the GPU image."
 
 
-def command(scene_id: str, out: Path, url: str, device: str) -> list[str]:
+def training_command(scene_id: str, out: Path, url: str, device: str) -> list[str]:
     """The command line that trains a scene's networks."""
     where = ["--render", url, "--out", str(out), "--device", device]
     return tigas("enhance", "train", "--json", *where, "--", scene_id)
@@ -58,7 +58,7 @@ def command(scene_id: str, out: Path, url: str, device: str) -> list[str]:
 class Trainer:
     """The running training, and the result of each scene's last training. device: the device to train on."""
 
-    def __init__(self, device: str, command: Callable[[str, Path, str, str], list[str]] = command) -> None:
+    def __init__(self, device: str, command: Callable[[str, Path, str, str], list[str]] = training_command) -> None:
         self._device = device
         self._command = command
         self._states: dict[str, Training] = {}
@@ -69,12 +69,12 @@ class Trainer:
         return self._states.get(scene_id, Training(state="idle"))
 
     def start(self, scene_id: str, out: Path, url: str) -> Training:
-        """Train a scene's networks on views rendered by the service at this URL. Raises TrainingRuns."""
+        """Train a scene's networks on views rendered by the service at this URL. Raises TrainingRunning."""
         if self._running is not None:
-            raise TrainingRuns(f"The networks of {self._running[0]} are being trained; wait, or stop the training.")
+            raise TrainingRunning(f"The networks of {self._running[0]} are being trained; wait, or stop the training.")
         self._states[scene_id] = Training(state="running", stage="starting")
         task = asyncio.create_task(self._run(scene_id, self._command(scene_id, out, url, self._device)))
-        task.add_done_callback(lambda task: self._ended(scene_id, task))
+        task.add_done_callback(lambda task: self._record_outcome(scene_id, task))
         self._running = scene_id, task
         return self.state(scene_id)
 
@@ -92,7 +92,7 @@ class Trainer:
             with suppress(asyncio.CancelledError):
                 await task
 
-    def _ended(self, scene_id: str, task: asyncio.Task[Training]) -> None:
+    def _record_outcome(self, scene_id: str, task: asyncio.Task[Training]) -> None:
         outcome = Training(state="idle") if task.cancelled() else task.result()
         self._states[scene_id], self._running = outcome, None
         _log.info("The training of %s ended: %s", scene_id, outcome.problem or outcome.state)
@@ -108,38 +108,38 @@ class Trainer:
             return Training(state="failed", problem="The training failed; the server's log says why.")
 
     async def _train(self, scene_id: str, argv: list[str]) -> Training:
-        process = await asyncio.create_subprocess_exec(*argv, stdout=PIPE, stderr=PIPE, limit=MOST_SAID)
+        process = await asyncio.create_subprocess_exec(*argv, stdout=PIPE, stderr=PIPE, limit=MAX_OUTPUT_BYTES)
         try:
             with suppress(OSError):
                 os.setpriority(os.PRIO_PROCESS, process.pid, NICENESS)
-            _, said = await asyncio.gather(self._follow(scene_id, process), _last_of(process))
+            _, stderr = await asyncio.gather(self._read_progress(scene_id, process), _read_stderr(process))
             status = await process.wait()
         finally:
-            await _end(process)
+            await _terminate(process)
         if status == 0:
             return Training(state="done", progress=1)
-        lines = [line.strip() for line in said.splitlines() if line.strip()]
+        lines = [line.strip() for line in stderr.splitlines() if line.strip()]
         return Training(state="failed", problem=lines[-1] if lines else f"The training ended with status {status}.")
 
-    async def _follow(self, scene_id: str, process: Process) -> None:
+    async def _read_progress(self, scene_id: str, process: Process) -> None:
         assert process.stdout is not None
         async for line in process.stdout:
-            said = json.loads(line)
-            self._states[scene_id] = Training(state="running", progress=said["progress"], stage=said["stage"])
+            update = json.loads(line)
+            self._states[scene_id] = Training(state="running", progress=update["progress"], stage=update["stage"])
 
 
-async def _last_of(process: Process) -> str:
+async def _read_stderr(process: Process) -> str:
     """The end of a child's standard error."""
     assert process.stderr is not None
     kept = b""
-    while part := await process.stderr.read(MOST_SAID):
-        kept = (kept + part)[-MOST_SAID:]
+    while part := await process.stderr.read(MAX_OUTPUT_BYTES):
+        kept = (kept + part)[-MAX_OUTPUT_BYTES:]
     return kept.decode(errors="replace")
 
 
-async def _end(process: Process) -> None:
+async def _terminate(process: Process) -> None:
     if process.returncode is not None:
         return
     with suppress(ProcessLookupError):
         process.terminate()
-    await wait_or_kill(process, STOP_S)
+    await wait_or_kill(process, STOP_TIMEOUT_S)

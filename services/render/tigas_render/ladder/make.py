@@ -16,7 +16,7 @@ from tigas_common.files import replace_file
 from tigas_common.installation import install_command
 from tigas_common.sample_cameras import SceneAxes
 from tigas_common.wire.render import DEFAULT_LADDER, Rung
-from tigas_render.ladder.measure import CANDIDATES, Point, measure, walks
+from tigas_render.ladder.measure import CANDIDATES, Point, measure_views, random_walks
 from tigas_render.raster.base import Rasterizer
 from tigas_render.scenes.directory import read_source
 from tigas_render.scenes.registry import BUILTIN
@@ -25,17 +25,17 @@ from tigas_render.scenes.source import LADDER, LadderFile, SceneSource
 from tigas_render.scenes.start_view.statistics import SceneStatistics
 
 RUNGS, VIEWS = 10, 18
-PAPER = tuple((rung.width, rung.height, rung.quality) for rung in DEFAULT_LADDER)
+PAPER_SETTINGS = tuple((rung.width, rung.height, rung.quality) for rung in DEFAULT_LADDER)
 INK, QUIET, ACCENT, OTHER = "#1c2430", "#c3c9d1", "#2166ac", "#d6604d"
 
 
 @dataclass(frozen=True, slots=True)
-class Made:
+class LadderResult:
     """A ladder, and the measurements behind it."""
 
     file: LadderFile
     candidates: Sequence[Point]
-    paper: Sequence[Point]
+    paper_points: Sequence[Point]
     """Sizes and errors of the paper's rungs on the same views."""
 
 
@@ -52,31 +52,31 @@ def find_scene(name: str) -> SceneSource:
     raise StartError(f"{name!r} is neither a scene's folder or file nor a built-in scene ({', '.join(BUILTIN)}).")
 
 
-def place_of(source: SceneSource) -> Path:
+def ladder_path(source: SceneSource) -> Path:
     """Path of a scene's ladder.json. Raises StartError for a scene without a folder."""
     if source.folder is None:
         raise StartError(f"{source.id} has no folder: name the ladder's file with --out.")
     return source.folder / LADDER
 
 
-def make(
+def make_ladder(
     source: SceneSource, rasterizer: Rasterizer, listener: Listener, *, rungs: int = RUNGS, views: int = VIEWS
-) -> Made:
+) -> LadderResult:
     """Measure a scene and choose its rungs. Raises StartError and BrokenScene."""
     gaussians, metadata = source.load(), source.metadata
     view = SceneStatistics.of(gaussians).view(metadata)
     prepared = rasterizer.prepare(gaussians)
     del gaussians
-    poses = walks(SceneAxes.of(view.camera, view.up), f"ladder of {source.id}")
-    settings = list(dict.fromkeys((*CANDIDATES, *PAPER)))
-    points = measure(rasterizer, prepared, metadata.background, poses, settings, listener, views)
+    poses = random_walks(SceneAxes.of(view.camera, view.up), f"ladder of {source.id}")
+    settings = list(dict.fromkeys((*CANDIDATES, *PAPER_SETTINGS)))
+    points = measure_views(rasterizer, prepared, metadata.background, poses, settings, listener, views)
     found = dict(zip(settings, points, strict=True))
     candidates = [found[setting] for setting in CANDIDATES]
-    file = LadderFile(rungs=choose(candidates, rungs), views=views, version=version("tigas"))
-    return Made(file, candidates, [found[setting] for setting in PAPER])
+    file = LadderFile(rungs=choose_rungs(candidates, rungs), views=views, version=version("tigas"))
+    return LadderResult(file, candidates, [found[setting] for setting in PAPER_SETTINGS])
 
 
-def hull(points: Sequence[Point]) -> list[Point]:
+def lower_hull(points: Sequence[Point]) -> list[Point]:
     """The lower convex hull of mean squared error over bytes, from the fewest bytes to the smallest error.
 
     No mixture of other settings has a smaller error at the same bytes. This is the hull of per-title encoding (Netflix,
@@ -92,13 +92,13 @@ def hull(points: Sequence[Point]) -> list[Point]:
     return kept
 
 
-def choose(points: Sequence[Point], number: int = RUNGS) -> tuple[Rung, ...]:
+def choose_rungs(points: Sequence[Point], number: int = RUNGS) -> tuple[Rung, ...]:
     """Choose up to `number` rungs, best first; fewer if the hull has fewer points.
 
     Rungs are on the hull, spaced as evenly as possible by the logarithm of bytes, so that no switch is a jump. None has
     more pixels than a better rung, so that less detail never takes longer to render.
     """
-    kept = hull(points)
+    kept = lower_hull(points)
     low, high = math.log(kept[0].kb), math.log(kept[-1].kb)
     chosen = [kept[-1]]
     for step in range(1, number):
@@ -111,7 +111,7 @@ def choose(points: Sequence[Point], number: int = RUNGS) -> tuple[Rung, ...]:
         if not worse:
             break
         chosen.append(min(worse, key=lambda point: abs(math.log(point.kb) - wanted)))
-    return tuple(rung(point) for point in chosen)
+    return tuple(to_rung(point) for point in chosen)
 
 
 def psnr_at(kept: Sequence[Point], kb: float) -> float:
@@ -120,7 +120,7 @@ def psnr_at(kept: Sequence[Point], kb: float) -> float:
     return 10 * math.log10(255**2 / float(mse))
 
 
-def rung(point: Point) -> Rung:
+def to_rung(point: Point) -> Rung:
     """Convert a setting to a rung, with its measured size and error."""
     return Rung(
         name=point.name,
@@ -149,7 +149,7 @@ def check_plot(path: Path) -> None:
         raise StartError(f"{path} must end in .png or .svg.")
 
 
-def draw(made: Made, name: str, path: Path) -> None:
+def plot_ladder(made: LadderResult, name: str, path: Path) -> None:
     """Plot a ladder and its measurements to a .png or .svg. Raises OSError."""
     from matplotlib.figure import Figure
 
@@ -157,12 +157,12 @@ def draw(made: Made, name: str, path: Path) -> None:
     axes = figure.subplots()
     points, rungs = made.candidates, made.file.rungs
     axes.scatter(*_curve(points), s=6, color=QUIET, label="measured")
-    axes.plot(*_curve(hull(points)), color=INK, linewidth=0.8, label="hull")
+    axes.plot(*_curve(lower_hull(points)), color=INK, linewidth=0.8, label="hull")
     sizes, qualities = [rung.expected_kb for rung in rungs], [rung.psnr_db or 0 for rung in rungs]
     axes.scatter(sizes, qualities, s=36, color=ACCENT, zorder=3, label="rungs")
     for rung, size, quality in zip(rungs, sizes, qualities, strict=True):
         axes.annotate(rung.name, (size, quality), xytext=(4, -10), textcoords="offset points", fontsize=7, color=ACCENT)
-    axes.scatter(*_curve(made.paper), s=36, marker="^", color=OTHER, zorder=3, label="the paper's")
+    axes.scatter(*_curve(made.paper_points), s=36, marker="^", color=OTHER, zorder=3, label="the paper's")
     axes.set_xscale("log")
     axes.set_xticks(ticks := [1, 2, 5, 10, 20, 50, 100, 200, 500], [str(tick) for tick in ticks])
     axes.minorticks_off()

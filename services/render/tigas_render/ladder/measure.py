@@ -31,10 +31,10 @@ SIZES = tuple((32 * step, 18 * step) for step in (40, 35, 30, 26, 23, 20, 17, 15
 """Widths and heights of frames in pixels, all 16:9 and even."""
 QUALITIES = tuple(range(10, 95, 5))
 """JPEG qualities: above 90, frames grow by half for an invisible gain."""
-PER_WALK = 3
-TRIES = 4
+POSES_PER_WALK = 3
+MAX_TRIES = 4
 """Maximum number of poses to try for each non-empty view."""
-LEAST_CONTENT = 0.04
+MIN_CONTENT = 0.04
 """Minimum share of a view's pixels that show something other than the background."""
 
 Pixels = NDArray[np.uint8]
@@ -65,14 +65,14 @@ class Point:
         return 10 * math.log10(255**2 / max(self.mse, 1e-6))
 
 
-def walks(axes: SceneAxes, seed: str) -> Iterator[Pose]:
+def random_walks(axes: SceneAxes, seed: str) -> Iterator[Pose]:
     """An endless sequence of poses of people walking around the start camera, determined by the seed."""
     chance = Random(seed)
     while True:
-        yield from along(axes.walk(chance), chance)[:: PER_MOVEMENT // PER_WALK]
+        yield from along(axes.walk(chance), chance)[:: PER_MOVEMENT // POSES_PER_WALK]
 
 
-def measure(
+def measure_views(
     rasterizer: Rasterizer,
     scene: PreparedScene,
     background: tuple[float, float, float],
@@ -95,13 +95,13 @@ def measure(
             return image.to_host().copy()
 
     with ThreadPoolExecutor(usable_processors()) as pool:
-        for pose in islice(poses, views * TRIES):
+        for pose in islice(poses, views * MAX_TRIES):
             truth = rendered(pose, DISPLAY)
             if not _shows_something(truth, background):
                 continue
             exact = truth.astype(np.float32)
             frames = {size: rendered(pose, size) for size in sizes}
-            outcomes = [pool.submit(_outcome, frames[setting[:2]], setting[2], exact) for setting in settings]
+            outcomes = [pool.submit(_size_and_error, frames[setting[:2]], setting[2], exact) for setting in settings]
             for done, outcome in enumerate(outcomes, 1):
                 totals[done - 1] += outcome.result()
                 listener((number + done / len(settings)) / views)
@@ -118,10 +118,10 @@ def measure(
 
 def _shows_something(picture: Pixels, background: tuple[float, float, float]) -> bool:
     empty = np.round(np.array(background) * 255).astype(np.int16)
-    return float((np.abs(picture.astype(np.int16) - empty) > 1).any(axis=2).mean()) >= LEAST_CONTENT
+    return float((np.abs(picture.astype(np.int16) - empty) > 1).any(axis=2).mean()) >= MIN_CONTENT
 
 
-def _outcome(frame: Pixels, quality: int, truth: NDArray[np.float32]) -> tuple[float, float]:
+def _size_and_error(frame: Pixels, quality: int, truth: NDArray[np.float32]) -> tuple[float, float]:
     """The size in bytes, and the mean squared error at display size."""
     body = encode_jpeg(frame, quality)
     with Image.open(io.BytesIO(body)) as opened:

@@ -60,7 +60,7 @@ def add_scene(source: str, directory: Path, id: str | None, listener: Listener, 
     id: by default the file's name without its ending. limit: maximum size of a download in bytes.
 
     A SOG scene in a folder becomes one file; a streamed one stays a folder, with all levels. Returns the id, and the
-    scene's file. Raises NotAdded, BrokenScene and OSError, all of which leave the directory unchanged.
+    scene's file. Raises SceneNotAdded, BrokenScene and OSError, all of which leave the directory unchanged.
     """
     url = _split_url(source)
     if url and url.scheme not in ("http", "https"):
@@ -78,7 +78,7 @@ def add_scene(source: str, directory: Path, id: str | None, listener: Listener, 
 
 
 def check_free(directory: Path, id: str) -> None:
-    """Raise NotAdded if a new scene cannot have this id."""
+    """Raise SceneNotAdded if a new scene cannot have this id."""
     if not is_safe_name(id):
         raise SceneNotAdded(f"{id[:100]!r} cannot be a scene's name: use only letters, digits, spaces and _.()+-.")
     if (size := len(id.encode())) > MAX_ID_BYTES:
@@ -137,13 +137,13 @@ def _copy_file(path: Path, target: Path) -> None:
 
 
 def display_name(source: str) -> str:
-    """A source for display: a path, or a URL without user, password and query. Raises NotAdded."""
+    """A source for display: a path, or a URL without user, password and query. Raises SceneNotAdded."""
     url = _split_url(source)
     return f"{url.scheme}://{url.netloc.rpartition('@')[2]}{url.path}" if url else source
 
 
 def _split_url(source: str) -> SplitResult | None:
-    """The parts of a URL; None for a path. Raises NotAdded if the URL is invalid."""
+    """The parts of a URL; None for a path. Raises SceneNotAdded if the URL is invalid."""
     if "://" not in source:
         return None
     try:
@@ -207,7 +207,7 @@ def remove_scene(directory: Path, id: str) -> None:
 def rename_scene(directory: Path, id: str, name: str) -> None:
     """Change a scene's id by renaming its file or folder, and the name in its metadata, if any.
 
-    Raises UnknownScene, NotAdded if it cannot have the new id, and OSError.
+    Raises UnknownScene, SceneNotAdded if it cannot have the new id, and OSError.
     """
     with _lock_directory(directory):
         path = _path(directory, id)

@@ -36,7 +36,7 @@ from tigas_common.wire.render import AddedScene, HostLoad, SceneEdit, SceneInfo,
 from tigas_render.server.frame_route import FRAME_ROUTE, PATH, HttpFrames
 from tigas_render.server.page import Page
 from tigas_render.server.service import RenderService
-from tigas_render.uploads.routes import UPLOADS
+from tigas_render.uploads.routes import UPLOAD_ROUTES
 
 STATIC = Path(__file__).parents[1] / "static"
 """Directory of the web client's build."""
@@ -64,7 +64,7 @@ def create_app(service: RenderService) -> ASGIApp:
             Route("/scenes/{id}/enhance", stop_training, methods=["DELETE"]),
             Route("/scenes/{id}/enhance.safetensors", weights),
             Route("/enhance/general.safetensors", general_weights),
-            *UPLOADS,
+            *UPLOAD_ROUTES,
             Route("/uploads/{id}/scene", add, methods=["POST"]),
             Route("/config.json", config),
             Route("/api/load", own_load),
@@ -154,7 +154,7 @@ async def download(request: Request) -> Response:
     source = service.registry.source(request.path_params["id"])
     made = await service.downloads.get(source)
     name = f"{source.id}.compressed.ply"
-    return service.readers.answer(request, made.path, made.about.sha256, media_type=BYTES, filename=name)
+    return service.file_sender.response(request, made.path, made.metadata.sha256, media_type=BYTES, filename=name)
 
 
 @described(gives=(BYTES,), also=HAS_IT_ALREADY)
@@ -162,8 +162,8 @@ async def streamed_download(request: Request) -> Response:
     """A file of a streamed SOG scene, under its name relative to lod-meta.json."""
     service = _service(request)
     source = service.registry.source(request.path_params["id"])
-    path, version = await asyncio.to_thread(service.downloads.level, source, request.path_params["name"])
-    return service.readers.answer(request, path, version)
+    path, version = await asyncio.to_thread(service.downloads.streamed_file, source, request.path_params["name"])
+    return service.file_sender.response(request, path, version)
 
 
 async def training(request: Request) -> ModelResponse[Training]:
@@ -188,14 +188,14 @@ async def weights(request: Request) -> Response:
     """The weights of a scene's own networks."""
     service = _service(request)
     source = service.registry.source(request.path_params["id"])
-    return (await asyncio.to_thread(lambda: Tagged(service.shelf.content(source), BYTES))).answer(request)
+    return (await asyncio.to_thread(lambda: Tagged(service.weights.read(source), BYTES))).answer(request)
 
 
 @described(gives=(BYTES,), also=HAS_IT_ALREADY)
 async def general_weights(request: Request) -> Response:
     """The weights of the networks for any scene."""
-    shelf = _service(request).shelf
-    return (await asyncio.to_thread(lambda: Tagged(shelf.general(), BYTES))).answer(request)
+    weights_store = _service(request).weights
+    return (await asyncio.to_thread(lambda: Tagged(weights_store.read_general(), BYTES))).answer(request)
 
 
 @described(query={"scene": "The scene that the page shows: `has_scene` says whether it still exists."})

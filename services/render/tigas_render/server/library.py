@@ -13,13 +13,13 @@ from tigas_common.errors import BrokenScene, DiskFull, Overloaded, TigasError
 from tigas_common.files import NO_SPACE, storage_explained
 from tigas_common.offload import Limit, Offload, offload_to_process
 from tigas_common.wire.render import SceneEdit
-from tigas_render.enhance.shelf import Shelf
+from tigas_render.enhance.weights_store import WeightsStore
 from tigas_render.scenes.directory import read_scene_file
 from tigas_render.scenes.library_operations import SceneNotAdded, edit_scene, install_file, remove_scene, rename_scene
 from tigas_render.scenes.registry import SceneRegistry
 from tigas_render.settings import RenderSettings
 from tigas_render.single_flight import SingleFlight
-from tigas_render.uploads.parts import MODELS, ScenesFixed, Uploads, WrongOffset, open_uploads
+from tigas_render.uploads.parts import MODELS, ScenesReadOnly, Uploads, WrongOffset, open_uploads
 
 _log = logging.getLogger(__name__)
 
@@ -39,12 +39,16 @@ class SceneLibrary:
     """Changes the models directory, and has the registry scan it again."""
 
     def __init__(
-        self, settings: RenderSettings, registry: SceneRegistry, shelf: Shelf, offload: Offload = offload_to_process
+        self,
+        settings: RenderSettings,
+        registry: SceneRegistry,
+        store: WeightsStore,
+        offload: Offload = offload_to_process,
     ) -> None:
         """offload: runs the check of a file in another process."""
         self._settings = settings
         self._registry = registry
-        self._shelf = shelf
+        self._weights = store
         self._offload = offload
         self._check_semaphore = asyncio.Semaphore(1)  # each may take as much memory as the largest scene
         self._additions = SingleFlight[str, str]()
@@ -54,13 +58,13 @@ class SceneLibrary:
         """Maximum size of an upload in bytes; None if pages may not change scenes."""
         try:
             return open_uploads(self._settings).limit
-        except ScenesFixed:
+        except ScenesReadOnly:
             return None
 
     async def add(self, upload_id: str) -> str:
         """Check a complete upload, add it as a scene, and return its id. Repeated calls return the same id.
 
-        Raises ScenesFixed, UnknownUpload, WrongOffset, BrokenScene, NotAdded, TooCostly, DiskFull and
+        Raises ScenesReadOnly, UnknownUpload, WrongOffset, BrokenScene, SceneNotAdded, TooCostly, DiskFull and
         StorageFailed.
         """
         uploads = open_uploads(self._settings)
@@ -68,23 +72,23 @@ class SceneLibrary:
         return await self._additions.get(upload_id, lambda: self._add(uploads, upload_id))
 
     async def remove(self, scene_id: str) -> None:
-        """Remove a scene for good. Raises ScenesFixed, UnknownScene, BuiltIn, DiskFull and StorageFailed."""
+        """Remove a scene for good. Raises ScenesReadOnly, UnknownScene, BuiltInScene, DiskFull and StorageFailed."""
         source = self._registry.source(scene_id)
         await self._change(scene_id, remove_scene)
-        await asyncio.to_thread(self._shelf.remove, source)
+        await asyncio.to_thread(self._weights.remove, source)
 
     async def rename(self, scene_id: str, name: str) -> None:
-        """Change a scene's id. Raises the errors of `remove`, and NotAdded for an id that is taken or invalid."""
+        """Change a scene's id. Raises the errors of `remove`, and SceneNotAdded for an id that is taken or invalid."""
         source = self._registry.source(scene_id)
         await self._change(scene_id, partial(rename_scene, name=name))
-        await asyncio.to_thread(self._shelf.rename, source, name)
+        await asyncio.to_thread(self._weights.rename, source, name)
 
     async def edit(self, scene_id: str, edit: SceneEdit) -> None:
         """Change a scene's description. Raises the errors of `remove`, and InvalidRequest for an invalid result."""
         await self._change(scene_id, partial(edit_scene, edit=edit))
 
     def expire_uploads(self) -> None:
-        with suppress(ScenesFixed):
+        with suppress(ScenesReadOnly):
             open_uploads(self._settings).expire()
 
     async def _change(self, scene_id: str, change: Callable[[Path, str], None]) -> None:
@@ -121,8 +125,8 @@ class SceneLibrary:
 def commit_upload(uploads: Uploads, id: str) -> None:
     """Check a complete upload, and add it as a scene unless that has been done already.
 
-    Runs in a separate process because the file may be malicious. Raises UnknownUpload, NotAdded, BrokenScene, DiskFull
-    and MemoryError.
+    Runs in a separate process because the file may be malicious. Raises UnknownUpload, SceneNotAdded, BrokenScene,
+    DiskFull and MemoryError.
     """
     upload = uploads.get(id)
     try:
@@ -135,7 +139,7 @@ def commit_upload(uploads: Uploads, id: str) -> None:
                     f"{upload.scene} takes {needed / 1e6:.1f} MB in memory, and all scenes together may take"
                     f" {uploads.limit / 1e6:.1f} MB."
                 )
-            uploads.note_adding(upload)
+            uploads.mark_added(upload)
             install_file(upload.path, uploads.models, upload.scene)
     except OSError as error:
         if error.errno in NO_SPACE:

@@ -33,11 +33,11 @@ from tigas_common.wire.render import (
 from tigas_render.admission.edge_loads import EdgeLoads
 from tigas_render.admission.load import LoadState
 from tigas_render.admission.viewers import ViewerAdmission
-from tigas_render.downloads.cache import DownloadCache, Readers
+from tigas_render.downloads.cache import DownloadCache, FileSender
 from tigas_render.engine.engine import Engine
 from tigas_render.engine.metrics import EngineMetrics
-from tigas_render.enhance.shelf import Shelf
-from tigas_render.enhance.trainer import NoTraining, Trainer, why_no_training
+from tigas_render.enhance.trainer import Trainer, TrainingUnavailable, training_problem
+from tigas_render.enhance.weights_store import WeightsStore
 from tigas_render.frame import Cancel, Client, Frame, FrameSource, OnAnswer
 from tigas_render.raster.base import Rasterizer
 from tigas_render.scenes.coarse import CoarseSceneCache
@@ -48,7 +48,7 @@ from tigas_render.server.library import SceneLibrary
 from tigas_render.server.preview import HEIGHT, WIDTH, Preview, PreviewCache, preview_camera
 from tigas_render.settings import RenderSettings
 from tigas_render.transport.certificate import Certificate
-from tigas_render.uploads.parts import EDITING_FORBIDDEN, ScenesFixed
+from tigas_render.uploads.parts import EDITING_FORBIDDEN, ScenesReadOnly
 
 logger = logging.getLogger(__name__)
 
@@ -110,13 +110,13 @@ class RenderService(FrameSource):
         self.https_port: int | None = None
         self.url: str | None = None
         """The API's URL on this machine over HTTP/1.1, once it is served."""
-        self.shelf = Shelf(DEFAULT_LADDER, settings.cache)
+        self.weights = WeightsStore(DEFAULT_LADDER, settings.cache)
         self.trainer = Trainer(rasterizer.device)
-        self._why_no_training = why_no_training() if settings.pages_edit_scenes else EDITING_FORBIDDEN
+        self._training_problem = training_problem() if settings.pages_edit_scenes else EDITING_FORBIDDEN
         self.downloads = DownloadCache(settings.cache / "downloads", int(settings.downloads_gb * 1e9))
-        self.readers = Readers()
+        self.file_sender = FileSender()
         self.rescan = self.registry.scan
-        self.library = SceneLibrary(settings, self.registry, self.shelf)
+        self.library = SceneLibrary(settings, self.registry, self.weights)
         self._previews = PreviewCache(settings.cache, self._render_preview)
 
     @classmethod
@@ -175,7 +175,7 @@ class RenderService(FrameSource):
             tcp_congestion_control=tcp_congestion_control(),
             retry_after_s=self.loads.retry_after_s(),
             max_upload_bytes=self.library.max_upload_bytes,
-            why_no_training=self._why_no_training,
+            why_no_training=self._training_problem,
         )
 
     def host_load(self, page: str) -> HostLoad:
@@ -220,7 +220,7 @@ class RenderService(FrameSource):
 
     def _add_files(self, info: SceneInfo, source: SceneSource) -> SceneInfo:
         """A scene's description, including its additional files. Reads the disk, so call it in a worker thread."""
-        files = {"enhance": self.shelf.kind(source), "downloads": self.downloads.offered(source)}
+        files = {"enhance": self.weights.kind(source), "downloads": self.downloads.available(source)}
         return info.model_copy(update=files)
 
     async def training(self, scene_id: str) -> Training:
@@ -228,11 +228,11 @@ class RenderService(FrameSource):
         source, state = self.registry.source(scene_id), self.trainer.state(scene_id)
         if state.state in ("running", "failed"):
             return state
-        return state.model_copy(update={"problem": await asyncio.to_thread(self.shelf.problem, source)})
+        return state.model_copy(update={"problem": await asyncio.to_thread(self.weights.problem, source)})
 
     def train(self, scene_id: str) -> Training:
-        """Start training a scene's networks. Raises UnknownScene, BrokenScene, ScenesFixed, NoTraining, TrainingRuns
-        and NoPlace.
+        """Start training a scene's networks. Raises UnknownScene, BrokenScene, ScenesReadOnly,
+        TrainingUnavailable, TrainingRunning and ReadOnlyScene.
         """
         source = self.registry.source(scene_id)
         if source.error is not None:
@@ -240,10 +240,10 @@ class RenderService(FrameSource):
         self._require_training()
         if self.url is None:
             raise Overloaded("The service is starting; try again.")
-        return self.trainer.start(scene_id, self.shelf.writable_place(source), self.url)
+        return self.trainer.start(scene_id, self.weights.writable_path(source), self.url)
 
     async def stop_training(self, scene_id: str) -> Training:
-        """Stop a scene's training. Raises UnknownScene, ScenesFixed and NoTraining."""
+        """Stop a scene's training. Raises UnknownScene, ScenesReadOnly and TrainingUnavailable."""
         self.registry.source(scene_id)
         self._require_training()
         await self.trainer.stop(scene_id)
@@ -251,9 +251,9 @@ class RenderService(FrameSource):
 
     def _require_training(self) -> None:
         if not self.settings.pages_edit_scenes:
-            raise ScenesFixed(EDITING_FORBIDDEN)
-        if self._why_no_training is not None:
-            raise NoTraining(self._why_no_training)
+            raise ScenesReadOnly(EDITING_FORBIDDEN)
+        if self._training_problem is not None:
+            raise TrainingUnavailable(self._training_problem)
 
     async def preview(self, scene_id: str) -> Preview:
         """A scene's thumbnail. Raises UnknownScene and BrokenScene."""

@@ -22,9 +22,9 @@ from tigas_common.files import check_room, storage_explained
 from tigas_render.local_files import lock_directory
 from tigas_render.settings import RenderSettings
 
-FOLDER = ".uploads"
+FOLDER_NAME = ".uploads"
 """Name of the folder in the models directory, which scans ignore."""
-MOST, MOST_OF_ADDRESS = 8, 4
+MAX_UPLOADS, MAX_PER_ADDRESS = 8, 4
 """Maximum number of concurrent uploads, in total and per address."""
 IDLE_S = 3600.0
 """Seconds without data after which an upload is dropped."""
@@ -34,11 +34,11 @@ RETRY_S = 60.0
 MODELS = "models"
 EDITING_FORBIDDEN = "Pages may not change this service's scenes; outside a cluster, --edit-scenes allows it."
 _ID = re.compile("[0-9a-f]{32}")
-_ABOUT, _ADDED = ".about", ".added"
+_METADATA_FILE, _ADDED_FILE = ".about", ".added"
 """Other files in an upload's folder. The uploaded file is called like its future scene, as error messages name it."""
 
 
-class ScenesFixed(TigasError):
+class ScenesReadOnly(TigasError):
     """Pages may not change this service's scenes."""
 
     status, type, title = 403, "scenes-fixed", "Scenes cannot be changed here"
@@ -82,7 +82,7 @@ class Uploads:
         """limit: maximum size of a file in bytes. clock: seconds since 1970, like the times of files."""
         self.models = models
         self.limit = limit
-        self._root = models / FOLDER
+        self._root = models / FOLDER_NAME
         self._clock = clock
 
     def create(self, scene: str, length: int, address: str) -> Upload:
@@ -94,19 +94,19 @@ class Uploads:
             with lock_directory(self._root):
                 self.expire()
                 others = [
-                    each for each in self._all() if not each.added and not self._idle(each.path.parent, STALLED_S)
+                    each for each in self._all() if not each.added and not self._is_idle(each.path.parent, STALLED_S)
                 ]
-                if len(others) >= MOST:
-                    raise Overloaded(f"{MOST} files are being uploaded already; try again later.", RETRY_S)
-                if sum(each.address == address for each in others) >= MOST_OF_ADDRESS:
+                if len(others) >= MAX_UPLOADS:
+                    raise Overloaded(f"{MAX_UPLOADS} files are being uploaded already; try again later.", RETRY_S)
+                if sum(each.address == address for each in others) >= MAX_PER_ADDRESS:
                     raise Overloaded(
-                        f"{MOST_OF_ADDRESS} files are being uploaded from this address already; try again later.",
+                        f"{MAX_PER_ADDRESS} files are being uploaded from this address already; try again later.",
                         RETRY_S,
                     )
                 check_room(self._root, length + sum(each.length - each.offset for each in others))
                 folder = self._root / secrets.token_hex(16)
                 folder.mkdir()
-                (folder / _ABOUT).write_text(json.dumps({"scene": scene, "length": length, "address": address}))
+                (folder / _METADATA_FILE).write_text(json.dumps({"scene": scene, "length": length, "address": address}))
                 (folder / scene).touch()
         return self.get(folder.name)
 
@@ -114,9 +114,9 @@ class Uploads:
         """The state of an upload. Raises UnknownUpload."""
         folder = self._folder(id)
         try:
-            about = json.loads((folder / _ABOUT).read_text())
+            about = json.loads((folder / _METADATA_FILE).read_text())
             path = folder / about["scene"]
-            added = not path.exists() and (folder / _ADDED).exists()
+            added = not path.exists() and (folder / _ADDED_FILE).exists()
             offset = about["length"] if added else path.stat().st_size
         except (OSError, ValueError):
             raise UnknownUpload("There is no such upload; it may have expired.") from None
@@ -140,9 +140,9 @@ class Uploads:
             while rest:
                 rest = rest[file.write(rest) :]
 
-    def note_adding(self, upload: Upload) -> None:
+    def mark_added(self, upload: Upload) -> None:
         """Note that the file is about to be moved, after which the upload counts as added. Raises OSError."""
-        (self._folder(upload.id) / _ADDED).touch()
+        (self._folder(upload.id) / _ADDED_FILE).touch()
 
     def lock(self, upload: Upload) -> AbstractContextManager[object]:
         """Prevent other processes from checking an upload, as a context manager. Raises OSError."""
@@ -155,13 +155,13 @@ class Uploads:
     def expire(self) -> None:
         """Drop stalled uploads."""
         for folder in self._folders():
-            if self._idle(folder, IDLE_S):
+            if self._is_idle(folder, IDLE_S):
                 shutil.rmtree(folder, ignore_errors=True)
         for each in self._all():
-            if not each.offset and self._idle(each.path.parent, STALLED_S):
+            if not each.offset and self._is_idle(each.path.parent, STALLED_S):
                 shutil.rmtree(each.path.parent, ignore_errors=True)
 
-    def _idle(self, folder: Path, seconds: float) -> bool:
+    def _is_idle(self, folder: Path, seconds: float) -> bool:
         """Whether an upload's folder has been unchanged for this long."""
         try:
             newest = max(path.stat().st_mtime for path in (folder, *folder.iterdir()))
@@ -191,9 +191,9 @@ def _gb(size: int) -> str:
 
 
 def open_uploads(settings: RenderSettings) -> Uploads:
-    """The uploads to the models directory, if pages may change it. Raises ScenesFixed."""
+    """The uploads to the models directory, if pages may change it. Raises ScenesReadOnly."""
     if not settings.pages_edit_scenes:
-        raise ScenesFixed(EDITING_FORBIDDEN)
+        raise ScenesReadOnly(EDITING_FORBIDDEN)
     if not os.access(settings.scenes, os.W_OK | os.X_OK):
-        raise ScenesFixed("The service may not write to its models directory.")
+        raise ScenesReadOnly("The service may not write to its models directory.")
     return Uploads(settings.scenes, limit=int(settings.memory_gb * 1e9))

@@ -22,20 +22,20 @@ from tigas_render.uploads.parts import open_uploads
 
 PATH = "/uploads"
 VERSION = "1.0.0"
-CONTENT = "application/offset+octet-stream"
+CONTENT_TYPE = "application/offset+octet-stream"
 WRITE_BYTES = 1 << 20
 """Number of bytes written at a time."""
 
 Endpoint = Callable[[Request], Awaitable[Response]]
 
 
-class OtherVersion(TigasError):
+class UnsupportedTusVersion(TigasError):
     """The client does not speak tus 1.0."""
 
     status, type, title = 412, "other-tus-version", "This is not tus 1.0"
 
 
-class NotAPart(TigasError):
+class NotAnUploadPart(TigasError):
     """The content type of the body is not that of a part of an upload."""
 
     status, type, title = 415, "not-a-part", "This is not a part of an upload"
@@ -43,12 +43,12 @@ class NotAPart(TigasError):
 
 def uploads_app(settings: RenderSettings) -> Starlette:
     """Create an application with only the route for parts."""
-    app = Starlette(routes=[PART], exception_handlers=EXCEPTION_HANDLERS)
+    app = Starlette(routes=[PART_ROUTE], exception_handlers=EXCEPTION_HANDLERS)
     app.state.settings = settings
     return app
 
 
-def tus(endpoint: Endpoint) -> Endpoint:
+def tus_endpoint(endpoint: Endpoint) -> Endpoint:
     """Decorate an endpoint to check the protocol version, and to add it to every answer."""
 
     @wraps(endpoint)
@@ -56,7 +56,7 @@ def tus(endpoint: Endpoint) -> Endpoint:
         try:
             said = request.headers.get("tus-resumable", "")
             if said != VERSION and request.method != "OPTIONS":
-                raise OtherVersion(f"Tus-Resumable: this service supports {VERSION}, not {said[:20]!r}.")
+                raise UnsupportedTusVersion(f"Tus-Resumable: this service supports {VERSION}, not {said[:20]!r}.")
             response = await endpoint(request)
         except TigasError as error:
             response = await on_error(request, error)
@@ -66,21 +66,21 @@ def tus(endpoint: Endpoint) -> Endpoint:
     return answer
 
 
-@tus
+@tus_endpoint
 async def append(request: Request) -> Response:
     """Append the next part of an upload. Received data is kept even if the connection breaks."""
     uploads, id = open_uploads(request.app.state.settings), request.path_params["id"]
-    if request.headers.get("content-type") != CONTENT:
-        raise NotAPart(f"Content-Type: a part of an upload is {CONTENT}.")
-    offset = number_of(request, "upload-offset")
+    if request.headers.get("content-type") != CONTENT_TYPE:
+        raise NotAnUploadPart(f"Content-Type: a part of an upload is {CONTENT_TYPE}.")
+    offset = integer_header(request, "upload-offset")
     await asyncio.to_thread(uploads.append, id, offset, b"")
-    async for part in _parts(request):
+    async for part in _body_chunks(request):
         await asyncio.to_thread(uploads.append, id, offset, part)
         offset += len(part)
     return Response(status_code=204, headers={"Upload-Offset": str(offset)})
 
 
-async def _parts(request: Request) -> AsyncIterator[bytes]:
+async def _body_chunks(request: Request) -> AsyncIterator[bytes]:
     """Yield the body in pieces to be written. It ends early if the client disconnects."""
     waiting = bytearray()
     try:
@@ -95,12 +95,12 @@ async def _parts(request: Request) -> AsyncIterator[bytes]:
         yield bytes(waiting)
 
 
-def number_of(request: Request, header: str) -> int:
+def integer_header(request: Request, header: str) -> int:
     text = request.headers.get(header, "")
     if not re.fullmatch("[0-9]{1,18}", text):
         raise InvalidRequest(f"{header.title()}: {text[:30]!r} is not a number of bytes.")
     return int(text)
 
 
-PART = Route(f"{PATH}/{{id}}", append, methods=["PATCH"])
+PART_ROUTE = Route(f"{PATH}/{{id}}", append, methods=["PATCH"])
 """The route, for an application with RenderSettings as `state.settings`."""

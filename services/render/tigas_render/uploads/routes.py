@@ -15,24 +15,24 @@ from tigas_common.errors import InvalidRequest
 from tigas_render.scenes.library_operations import check_free
 from tigas_render.scenes.source import scene_id
 from tigas_render.uploads.parts import open_uploads
-from tigas_render.uploads.parts_route import PART, PATH, number_of, tus
+from tigas_render.uploads.parts_route import PART_ROUTE, PATH, integer_header, tus_endpoint
 
 EXTENSIONS = "creation,termination"
-MOST_NAME = 255
+MAX_NAME_LENGTH = 255
 
 
-@tus
+@tus_endpoint
 async def about(request: Request) -> Response:
     """Limits of uploads, as tus headers."""
     limit = open_uploads(request.app.state.settings).limit
     return Response(status_code=204, headers={"Tus-Extension": EXTENSIONS, "Tus-Max-Size": str(limit)})
 
 
-@tus
+@tus_endpoint
 async def create(request: Request) -> Response:
     """Start uploading a scene's file (tus 1.0), named `filename` in Upload-Metadata."""
     uploads = open_uploads(request.app.state.settings)
-    name, length = _file_name(request), number_of(request, "upload-length")
+    name, length = _file_name(request), integer_header(request, "upload-length")
     scene = scene_id(Path(name)) if Path(name).name == name else name
     await asyncio.to_thread(check_free, uploads.models, scene)
     address = client_network(request.client.host) if request.client else ""
@@ -41,7 +41,7 @@ async def create(request: Request) -> Response:
     return Response(status_code=201, headers={"Location": f"uploads/{upload.id}"})
 
 
-@tus
+@tus_endpoint
 async def progress(request: Request) -> Response:
     """Progress of an upload, as tus headers."""
     uploads = open_uploads(request.app.state.settings)
@@ -49,7 +49,7 @@ async def progress(request: Request) -> Response:
     return Response(headers={"Upload-Offset": str(upload.offset), "Upload-Length": str(upload.length)})
 
 
-@tus
+@tus_endpoint
 async def discard(request: Request) -> Response:
     """Discard an upload."""
     uploads = open_uploads(request.app.state.settings)
@@ -64,16 +64,16 @@ def _file_name(request: Request) -> str:
         name = base64.b64decode(encoded, validate=True).decode()
     except ValueError:
         raise InvalidRequest("Upload-Metadata: a filename in base64 is required.") from None
-    if not 0 < len(name) <= MOST_NAME:
-        raise InvalidRequest(f"Upload-Metadata: a filename has 1 to {MOST_NAME} characters.")
+    if not 0 < len(name) <= MAX_NAME_LENGTH:
+        raise InvalidRequest(f"Upload-Metadata: a filename has 1 to {MAX_NAME_LENGTH} characters.")
     return name
 
 
-UPLOADS = (
+UPLOAD_ROUTES = (
     Route(PATH, about, methods=["OPTIONS"]),
     Route(PATH, create, methods=["POST"]),
     Route(f"{PATH}/{{id}}", progress, methods=["HEAD"]),
-    PART,
+    PART_ROUTE,
     Route(f"{PATH}/{{id}}", discard, methods=["DELETE"]),
 )
 """The routes, for an application with RenderSettings as `state.settings`."""

@@ -23,7 +23,7 @@ from tigas_render.server.frame_route import PATH, HttpFrames, frames_app
 from tigas_render.server.public_servers import run_public_servers
 from tigas_render.transport.certificate import Certificate
 from tigas_render.transport.shared_port import Edge, EdgeCounts, PortShare, TicketStore
-from tigas_render.uploads.parts_route import PART, uploads_app
+from tigas_render.uploads.parts_route import PART_ROUTE, uploads_app
 from tigas_render.workers.aggregate import EngineAggregator, EngineProxy
 from tigas_render.workers.control import (
     Channel,
@@ -113,7 +113,7 @@ def _route_by_path(frames: ASGIApp, parts: ASGIApp, rest: ASGIApp) -> ASGIApp:
     """Combine applications: frames and parts of uploads are served in this process, everything else by an engine."""
 
     async def app(scope: Scope, receive: Receive, send: Send) -> None:
-        chosen = frames if scope["path"] == PATH else parts if PART.matches(scope)[0] is Match.FULL else rest
+        chosen = frames if scope["path"] == PATH else parts if PART_ROUTE.matches(scope)[0] is Match.FULL else rest
         await chosen(scope, receive, send)
 
     return app

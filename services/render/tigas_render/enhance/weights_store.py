@@ -27,13 +27,13 @@ class NoWeights(TigasError):
     status, type, title = 404, "no-weights", "There are no such networks"
 
 
-class NoPlace(TigasError):
+class ReadOnlyScene(TigasError):
     """The service has no permission to write next to the scene."""
 
     status, type, title = 409, "read-only-scene", "The scene's folder cannot be written"
 
 
-class Shelf:
+class WeightsStore:
     """The available weights. Methods read files, so call them in a worker thread."""
 
     def __init__(self, ladder: Sequence[Rung], cache: Path, general: Path = GENERAL_FILE) -> None:
@@ -42,91 +42,91 @@ class Shelf:
         self._cache = cache / "enhance"
         self._general = general
 
-    def place(self, source: SceneSource) -> Path:
+    def path(self, source: SceneSource) -> Path:
         """Path of a scene's own weights, in its folder, or in the cache if it has no folder."""
         if source.folder is not None:
             return source.folder / FILE
         return self._cache / f"{source.id}.safetensors"
 
-    def writable_place(self, source: SceneSource) -> Path:
-        """Path of a scene's own weights, if it can be written. Raises NoPlace."""
-        place = self.place(source)
+    def writable_path(self, source: SceneSource) -> Path:
+        """Path of a scene's own weights, if it can be written. Raises ReadOnlyScene."""
+        path = self.path(source)
         try:
             if source.folder is None:
-                place.parent.mkdir(parents=True, exist_ok=True)
+                path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise NoPlace(f"The folder {place.parent} cannot be created: {error.strerror or error}.") from None
-        if not os.access(place.parent, os.W_OK):
-            raise NoPlace(f"The service may not write into the folder of {source.name}.")
-        return place
+            raise ReadOnlyScene(f"The folder {path.parent} cannot be created: {error.strerror or error}.") from None
+        if not os.access(path.parent, os.W_OK):
+            raise ReadOnlyScene(f"The service may not write into the folder of {source.name}.")
+        return path
 
     def rename(self, source: SceneSource, id: str) -> None:
         """Keep a scene's own weights when its id changes. Weights in its folder have moved with the folder."""
         if source.folder is None:
-            place = self.place(source)
+            path = self.path(source)
             with suppress(OSError):  # most scenes have no weights
-                place.replace(place.with_name(f"{id}.safetensors"))
+                path.replace(path.with_name(f"{id}.safetensors"))
 
     def remove(self, source: SceneSource) -> None:
         """Remove a removed scene's own weights. Weights in its folder were removed with the folder."""
         if source.folder is None:
             with suppress(OSError):  # most scenes have no weights, and this one has been removed already
-                self.place(source).unlink()
+                self.path(source).unlink()
 
     def kind(self, source: SceneSource) -> Literal["scene", "general"] | None:
         """The kind of networks that can enhance a scene's frames, if any."""
-        if isinstance(self._own(source), Weights):
+        if isinstance(self._own_weights(source), Weights):
             return "scene"
-        general = self._read(self._general)
+        general = self._load(self._general)
         fits = isinstance(general, Weights) and general.misfit(None, source.ladder or self._ladder) is None
         return "general" if fits else None
 
     def problem(self, source: SceneSource) -> str | None:
         """Why a scene's own weights are unusable; None if they are usable or missing."""
-        own = self._own(source)
+        own = self._own_weights(source)
         return own if isinstance(own, str) else None
 
-    def content(self, source: SceneSource) -> bytes:
+    def read(self, source: SceneSource) -> bytes:
         """The content of a scene's own weights file. Raises NoWeights, and BrokenWeights if they do not fit."""
-        own = self._own(source)
+        own = self._own_weights(source)
         if own is None:
             raise NoWeights(f"{source.name} has no networks yet.")
         if isinstance(own, str):
             raise BrokenWeights(own)
-        return _bytes(self.place(source))
+        return _read_bytes(self.path(source))
 
-    def general(self) -> bytes:
+    def read_general(self) -> bytes:
         """The content of the general weights file. Raises NoWeights."""
         if not self._general.is_file():
             raise NoWeights("There are no general networks.")
-        return _bytes(self._general)
+        return _read_bytes(self._general)
 
-    def _own(self, source: SceneSource) -> Weights | str | None:
+    def _own_weights(self, source: SceneSource) -> Weights | str | None:
         """A scene's own weights, or why they are unusable; None if there are no weights."""
-        own = self._read(self.place(source))
+        own = self._load(self.path(source))
         if isinstance(own, Weights):
             return own.misfit(_digest(source), source.ladder or self._ladder) or own
         return own
 
-    def _read(self, path: Path) -> Weights | str | None:
+    def _load(self, path: Path) -> Weights | str | None:
         try:
             status = path.stat()
         except OSError:
             return None
-        return _parsed(path, status.st_size, status.st_mtime_ns)
+        return _parse(path, status.st_size, status.st_mtime_ns)
 
 
 @lru_cache(maxsize=256)
-def _parsed(path: Path, size: int, modified_ns: int) -> Weights | str:
+def _parse(path: Path, size: int, modified_ns: int) -> Weights | str:
     """Parse a file, cached while its size and time stay the same. Returns the error's text if it is broken."""
     try:
-        return parse_weights(_bytes(path))
+        return parse_weights(_read_bytes(path))
     except BrokenWeights as error:
         _log.warning("%s: %s", path, error.detail)
         return error.detail
 
 
-def _bytes(path: Path) -> bytes:
+def _read_bytes(path: Path) -> bytes:
     try:
         return read_regular(path, MAX_BYTES)
     except OSError as error:
