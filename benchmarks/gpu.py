@@ -35,7 +35,7 @@ from tigas_render.raster.base import Camera
 from tigas_render.raster.calls import Calls
 from tigas_render.raster.cuda.rasterizer import CudaRasterizer
 from tigas_render.raster.cuda.scene import CudaScene
-from tigas_render.raster.devices import why_no_cuda
+from tigas_render.raster.devices import cuda_problem
 from tigas_render.scenes.demo import DEMO_SOURCE
 from tigas_render.scenes.directory import read_scene_file
 
@@ -58,7 +58,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=5, help="of each load on the engine")
     parser.add_argument("--gsplat", action="store_true", help="compare with gsplat, a copy and Pillow")
     arguments = parser.parse_args()
-    if problem := why_no_cuda():
+    if problem := cuda_problem():
         sys.exit(problem)
     index = int(arguments.device.partition(":")[2] or 0)
     with tempfile.TemporaryDirectory() as folder:

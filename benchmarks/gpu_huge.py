@@ -37,7 +37,7 @@ from tigas_render.raster.base import Camera
 from tigas_render.raster.cuda import levels
 from tigas_render.raster.cuda.rasterizer import CudaRasterizer
 from tigas_render.raster.cuda.scene import CudaScene
-from tigas_render.raster.devices import why_no_cuda
+from tigas_render.raster.devices import cuda_problem
 
 LENS = centred_lens(1280, 720)
 SPACING = 0.56
@@ -57,7 +57,7 @@ def main() -> None:
     parser.add_argument("--memory-gb", type=float, help="device memory that may be used")
     parser.add_argument("--out", type=Path, help="a folder for pictures, numbers and a curve (needs make lab)")
     arguments = parser.parse_args()
-    if problem := why_no_cuda():
+    if problem := cuda_problem():
         sys.exit(problem)
     with tempfile.TemporaryDirectory() as folder:
         scenes = load_scenes(Path(folder), ["flowers"])

@@ -90,9 +90,9 @@ def _free_lab() -> bool:
 
 
 def _gpu() -> bool:
-    from tigas_render.raster.devices import why_no_cuda
+    from tigas_render.raster.devices import cuda_problem
 
-    return why_no_cuda() is None
+    return cuda_problem() is None
 
 
 def _nvrtc() -> bool:

@@ -40,15 +40,15 @@ class Client(NamedTuple):
         return self.address, self.session.rpartition("/")[0] or self.session
 
 
-def obsoletes(request: RenderRequest, other: RenderRequest) -> bool:
+def supersedes(request: RenderRequest, other: RenderRequest) -> bool:
     """Whether a request makes the frame of another useless to their session: the same view at an earlier time.
 
-    Requests without numbers, and additional images with other lenses or no rung, do not obsolete the frames of a view.
+    Requests without numbers, and additional images with other lenses or no rung, do not supersede the frames of a view.
     """
-    return other.seq < request.seq and _kind(other) == _kind(request)
+    return other.seq < request.seq and _view_key(other) == _view_key(request)
 
 
-def _kind(request: RenderRequest) -> tuple[object, ...]:
+def _view_key(request: RenderRequest) -> tuple[object, ...]:
     lens = (request.width, request.height, request.fx, request.fy, request.cx, request.cy)
     return request.scene, request.format, request.profile is None, lens
 

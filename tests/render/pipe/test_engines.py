@@ -293,7 +293,7 @@ def test_whether_an_engine_is_pressed_after(reports: list[tuple[int, float, floa
 
 def test_an_engine_says_when_it_may_soon_be_pressed_and_when_it_could_do_as_much_again() -> None:
     pressure = Pressure()
-    for utilisation, is_near, at_ease in ((0.3, False, True), (0.5, False, False), (0.7, True, False)):
+    for utilisation, is_rising, is_low in ((0.3, False, True), (0.5, False, False), (0.7, True, False)):
         for _ in range(50):
             pressure.update(0.0, utilisation)
-        assert (pressure.is_rising, pressure.is_low) == (is_near, at_ease)
+        assert (pressure.is_rising, pressure.is_low) == (is_rising, is_low)

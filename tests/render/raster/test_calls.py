@@ -9,9 +9,9 @@ from typing import Any, cast
 
 import pytest
 
-from tigas_render.raster.calls import MOST_ARGUMENTS, Call, CallError, Calls
+from tigas_render.raster.calls import MAX_ARGUMENTS, Call, CallError, Calls
 
-FUNCTION = ctypes.CFUNCTYPE(ctypes.c_int, *[ctypes.c_int64] * MOST_ARGUMENTS)
+FUNCTION = ctypes.CFUNCTYPE(ctypes.c_int, *[ctypes.c_int64] * MAX_ARGUMENTS)
 
 
 class Recorder:
@@ -30,7 +30,7 @@ class Recorder:
 
 def test_all_arguments_arrive_in_order() -> None:
     recorder = Recorder("record")
-    numbers = tuple(range(1 << 40, (1 << 40) + MOST_ARGUMENTS))
+    numbers = tuple(range(1 << 40, (1 << 40) + MAX_ARGUMENTS))
     Calls(Call(recorder.function, numbers)).make()
     assert recorder.seen == [numbers]
 

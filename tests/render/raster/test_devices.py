@@ -13,7 +13,7 @@ from tigas_render.raster.devices import create_rasterizer
 @pytest.fixture(autouse=True)
 def no_cuda(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A machine on which CUDA cannot be used; its programs are those in `tmp_path`."""
-    monkeypatch.setattr(devices, "why_no_cuda", lambda: "The packages are missing.")
+    monkeypatch.setattr(devices, "cuda_problem", lambda: "The packages are missing.")
     monkeypatch.setenv("PATH", str(tmp_path))
 
 

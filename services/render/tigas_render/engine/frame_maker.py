@@ -108,7 +108,7 @@ class LaneFrameMaker(FrameMaker):
     async def start(self) -> None:
         self._lanes_busy_s = 0.0  # expected seconds of frames in lanes
         self._on_host = 0  # images that the threads are encoding or about to encode
-        self._is_scheduled = False  # whether the event loop is about to run `_begin_all`
+        self._is_scheduled = False  # whether the event loop is about to run `_start_all`
         self._loop = asyncio.get_running_loop()
         self._max_on_host = max(self.rasterizer.frames_in_flight, os.cpu_count() or 1)
         self._threads = ThreadPoolExecutor(self._max_on_host, "host")

@@ -13,7 +13,7 @@ from tigas_render.engine.cost_model import CostModel, LargeFrameLimit
 from tigas_render.engine.metrics import Utilisation
 from tigas_render.engine.work import Work
 from tigas_render.fair_queue import FairSchedule
-from tigas_render.frame import Client, obsoletes
+from tigas_render.frame import Client, supersedes
 
 QUEUE_DEPTH = 4
 """Maximum number of waiting requests per session: enough for a burst, too few to build up delay."""
@@ -219,7 +219,7 @@ class WorkQueue:
         self._in_progress[client.address] += 1
         if self._in_progress[client.address] >= self._max_in_progress:
             self._saturated.add(client.address)
-        for older in self._schedule.remove_if(client, lambda other: obsoletes(work.request, other.request)):
+        for older in self._schedule.remove_if(client, lambda other: supersedes(work.request, other.request)):
             self._refuse(older, Superseded("A newer view of this client is rendered instead."))
 
     def _check(self, work: Work) -> None:

@@ -18,8 +18,8 @@ from llvmlite import ir
 from numba import njit, types
 from numba.extending import intrinsic
 
-MOST_ARGUMENTS: Final = 11
-MOST_CALLS: Final = 24
+MAX_ARGUMENTS: Final = 11
+MAX_CALLS: Final = 24
 """Maximum number of calls in one order to a thread."""
 ROWS, FAILED, STATUS, IS_LAST = range(4)
 """State of a thread: the number of calls in a new order, the outcome of the last order, and whether to exit."""
@@ -53,7 +53,7 @@ class Calls:
 
     def __init__(self, *calls: Call) -> None:
         self._calls = calls  # keeps the functions and their memory alive
-        self.table = np.zeros((len(calls), 1 + MOST_ARGUMENTS), np.int64)
+        self.table = np.zeros((len(calls), 1 + MAX_ARGUMENTS), np.int64)
         """One row per call, with the function's address and arguments, for `make_calls`."""
         for row, call in zip(self.table, calls, strict=True):
             row[: 1 + len(call.arguments)] = [_address(call.function), *call.arguments]
@@ -77,11 +77,11 @@ def call_c(typing: Any, address: Any, arguments: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         function, packed = values
         integer = ir.IntType(64)
-        prototype = ir.FunctionType(ir.IntType(32), [integer] * MOST_ARGUMENTS)
-        unpacked = [builder.extract_value(packed, place) for place in range(MOST_ARGUMENTS)]
+        prototype = ir.FunctionType(ir.IntType(32), [integer] * MAX_ARGUMENTS)
+        unpacked = [builder.extract_value(packed, place) for place in range(MAX_ARGUMENTS)]
         return builder.call(builder.inttoptr(function, prototype.as_pointer()), unpacked)
 
-    return types.int32(types.int64, types.UniTuple(types.int64, MOST_ARGUMENTS)), generate
+    return types.int32(types.int64, types.UniTuple(types.int64, MAX_ARGUMENTS)), generate
 
 
 @njit("UniTuple(int64, 2)(int64[:, ::1])", nogil=True, cache=True)

@@ -29,7 +29,7 @@ def create_rasterizer(device: str, cache: Path | None = None) -> Rasterizer:
     if device.startswith(NAME):
         return InstantRasterizer(*map(int, device.split(":")[1:]))
     if device != "cpu":
-        missing = why_no_cuda()
+        missing = cuda_problem()
         if missing is None:
             from tigas_render.raster.cuda.rasterizer import CudaRasterizer
 
@@ -48,7 +48,7 @@ def create_rasterizer(device: str, cache: Path | None = None) -> Rasterizer:
     return CpuRasterizer()
 
 
-def why_no_cuda() -> str | None:
+def cuda_problem() -> str | None:
     """Why this machine cannot render on a GPU, in one sentence; None if it can."""
     try:
         complete = all(find_spec(package) for package in GPU_PACKAGES)

@@ -14,7 +14,7 @@ from tigas_render.encode.images import encode_jpeg, encode_png, encode_yuv420p
 from tigas_render.raster.base import Depth, Image
 
 Pixels = NDArray[np.uint8]
-KEPT = 4
+MAX_FREE = 4
 """Maximum number of free framebuffers to keep."""
 
 
@@ -67,9 +67,9 @@ class FramebufferPool:
             buffer = self._free.pop() if self._free else np.empty(0, np.uint8)
         if buffer.size < size:
             buffer = np.empty(max(size, buffer.size * 3 // 2), np.uint8)
-        return HostImage(buffer[:size].reshape(height, width, 3), lambda: self._give_back(buffer))
+        return HostImage(buffer[:size].reshape(height, width, 3), lambda: self._recycle(buffer))
 
-    def _give_back(self, buffer: Pixels) -> None:
+    def _recycle(self, buffer: Pixels) -> None:
         with self._lock:
-            if len(self._free) < KEPT:
+            if len(self._free) < MAX_FREE:
                 self._free.append(buffer)

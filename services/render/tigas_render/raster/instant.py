@@ -51,7 +51,7 @@ class InstantJob(Job):
 
     def fetched(self) -> FetchedImage:
         if self.format == "jpeg":
-            content = made_up_jpeg(self.width, self.height, self.jpeg_bytes)
+            content = synthetic_jpeg(self.width, self.height, self.jpeg_bytes)
         else:
             pixels = np.full((self.height, self.width, 3), GREY, np.uint8)
             content = pixels.tobytes() if self.format == "png" else encode_yuv420p(pixels)
@@ -89,7 +89,7 @@ class InstantRasterizer(LaneRasterizer):
 
 
 @functools.lru_cache(64)
-def made_up_jpeg(width: int, height: int, size: int) -> bytes:
+def synthetic_jpeg(width: int, height: int, size: int) -> bytes:
     """A grey JPEG of `size` bytes, or longer if this is too short."""
     jpeg = encode_jpeg(np.full((height, width, 3), GREY, np.uint8), QUALITY)
     fill = b"\xff" * (size - len(jpeg))  # allowed before any marker (ITU T.81, B.1.1.2)

@@ -26,8 +26,8 @@ from tigas_render.raster.base import Camera, Image, Pause, PreparedScene, Raster
 from tigas_render.raster.calls import (
     FAILED,
     IS_LAST,
-    MOST_ARGUMENTS,
-    MOST_CALLS,
+    MAX_ARGUMENTS,
+    MAX_CALLS,
     ROWS,
     STATUS,
     FrameCalls,
@@ -124,7 +124,7 @@ class LaneRasterizer(Rasterizer):
         return self.job(scene, camera, format, quality, depth=depth).run()
 
 
-Finished = Callable[[FetchedImage | Exception], None]
+OnFinished = Callable[[FetchedImage | Exception], None]
 
 
 class _Lane:
@@ -135,7 +135,7 @@ class _Lane:
         self.order = os.eventfd(0, os.EFD_CLOEXEC)
         self.calls: FrameCalls
         """The calls of the last job."""
-        self._table = np.zeros((MOST_CALLS, 1 + MOST_ARGUMENTS), np.int64)
+        self._table = np.zeros((MAX_CALLS, 1 + MAX_ARGUMENTS), np.int64)
         self._state = np.zeros(4, np.int64)
         self.thread = threading.Thread(target=self._run, args=(done, enter), name=f"lane {bit}", daemon=True)
         self.thread.start()
@@ -176,7 +176,7 @@ class Lanes:
         self._done = os.eventfd(0, os.EFD_CLOEXEC | os.EFD_NONBLOCK)
         self._lanes = [_Lane(1 << number, self._done, enter) for number in range(count)]
         self._free = list(self._lanes)
-        self._jobs: dict[_Lane, tuple[Job, Finished]] = {}
+        self._jobs: dict[_Lane, tuple[Job, OnFinished]] = {}
 
     @property
     def free(self) -> int:
@@ -192,7 +192,7 @@ class Lanes:
         """A file descriptor that is readable when there is something to `collect`."""
         return self._done
 
-    def begin(self, job: Job, finished: Finished) -> None:
+    def begin(self, job: Job, on_finished: OnFinished) -> None:
         """Make a frame in a free lane. `collect` reports the outcome and closes the job."""
         lane = self._free.pop()
         try:
@@ -201,7 +201,7 @@ class Lanes:
             self._free.append(lane)
             job.close(failed=True)
             raise
-        self._jobs[lane] = (job, finished)
+        self._jobs[lane] = (job, on_finished)
 
     def collect(self) -> None:
         """Report the outcomes of all finished frames, in arbitrary order."""
@@ -209,15 +209,15 @@ class Lanes:
             bits = os.eventfd_read(self._done)
         except BlockingIOError:
             return
-        results = [(self._jobs[lane][1], self._result(lane)) for lane in self._lanes if bits & lane.bit]
-        for finished, result in results:  # once all lanes are free, so that a callback's error loses no lane
+        results = [(self._jobs[lane][1], self._finish_job(lane)) for lane in self._lanes if bits & lane.bit]
+        for on_finished, result in results:  # once all lanes are free, so that a callback's error loses no lane
             if result is not None:
                 try:
-                    finished(result)
+                    on_finished(result)
                 except Exception:
                     logger.exception("A frame was not delivered")
 
-    def _result(self, lane: _Lane) -> FetchedImage | Exception | None:
+    def _finish_job(self, lane: _Lane) -> FetchedImage | Exception | None:
         """The outcome of a lane's job, after closing it; None if the job was restarted with larger buffers."""
         job, _ = self._jobs[lane]
         failed = True

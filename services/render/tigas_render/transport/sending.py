@@ -17,7 +17,7 @@ from tigas_common.errors import InvalidRequest
 from tigas_common.wire.render import RenderRequest
 from tigas_render.admission.connections import Usage
 from tigas_render.admission.limits import Limits
-from tigas_render.frame import obsoletes
+from tigas_render.frame import supersedes
 from tigas_render.transport.aioquic_ext.h3 import ServerH3Connection
 from tigas_render.transport.aioquic_ext.quic import ServerQuicConnection
 
@@ -275,7 +275,7 @@ class LatestFrames:
         frames = [*self._waiting, frame]
         self._waiting.clear()
         for each in frames:
-            if any(obsoletes(other.request, each.request) for other in frames):
+            if any(supersedes(other.request, each.request) for other in frames):
                 self._refused.append(each.refuse)
                 self._scheduler.release(each.size)
             else:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from tigas_render.raster.base import ALPHA_MAX, DILATION
 from tigas_render.raster.cpu import layout as L
 from tigas_render.raster.cpu.kernel import kernel, widen
-from tigas_render.raster.cpu.order import Grid, code_of
+from tigas_render.raster.cpu.order import Grid, morton_code
 
 U = np.uint64
 FROM = 1 << 20
@@ -142,7 +142,7 @@ def bound_nodes(chunk_bounds, chunks, bounds):
 def measure(rows, low, scale, axis_bits, codes, sizes):
     """Write the Z-order code of each row, and a bound on its deviation, infinite outside the grid."""
     for i in range(rows.shape[0]):
-        codes[i] = code_of(rows[i], low, scale, axis_bits)
+        codes[i] = morton_code(rows[i], low, scale, axis_bits)
         sizes[i] = deviation_bound(rows[i])
         for axis in range(3):
             place = (np.float64(rows[i, L.MEAN_X + axis]) - low[axis]) * scale + 0.25

@@ -29,7 +29,7 @@ class Grid(NamedTuple):
         return 1 / (self.scale * ((1 << self.axis_bits) - 1))
 
 
-def sort_by_place(rows: NDArray[np.float32], sh: NDArray[np.float16]) -> Grid:
+def sort_spatially(rows: NDArray[np.float32], sh: NDArray[np.float16]) -> Grid:
     """Sort rows [N, GEOMETRY] and sh [N, M], N > 0, so that neighbours in space are neighbours in memory.
 
     Uses 8 additional bytes per Gaussian.
@@ -48,11 +48,11 @@ def sort_by_place(rows: NDArray[np.float32], sh: NDArray[np.float16]) -> Grid:
 def fill_keys(rows, low, scale, axis_bits, index_bits, keys):
     """Write keys with each row's Z-order code in the upper bits and its index in the lower ones."""
     for i in range(rows.shape[0]):
-        keys[i] = code_of(rows[i], low, scale, axis_bits) << U(index_bits) | U(i)
+        keys[i] = morton_code(rows[i], low, scale, axis_bits) << U(index_bits) | U(i)
 
 
 @kernel()
-def code_of(row, low, scale, axis_bits):
+def morton_code(row, low, scale, axis_bits):
     """The Z-order code of a Gaussian's cell (see `morton`)."""
     most, code = (1 << axis_bits) - 1, U(0)
     for axis in range(3):

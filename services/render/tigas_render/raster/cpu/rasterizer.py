@@ -161,7 +161,7 @@ class CpuRasterizer(Rasterizer):
         k, get = camera.intrinsics, self._workspace.get
         view = get("view", L.VIEW, np.float64)
         L.fill_view(camera, scene.antialiased, view)
-        chosen = self._choose(scene, view, edge_pixels)
+        chosen = self._choose_chunks(scene, view, edge_pixels)
         tiles_x, tiles_y = -(-k.width // L.TILE), -(-k.height // L.TILE)
         parts = max(1, min(len(chosen), self._threads * SLICES_PER_THREAD))
         rows, columns = -(-k.height // CELL), -(-k.width // CELL)
@@ -185,7 +185,7 @@ class CpuRasterizer(Rasterizer):
         job.slices[:] = np.arange(parts + 1) * len(chosen) // parts
         return job
 
-    def _choose(self, scene: CpuScene, view: NDArray[np.float64], edge_pixels: float) -> NDArray[np.int64]:
+    def _choose_chunks(self, scene: CpuScene, view: NDArray[np.float64], edge_pixels: float) -> NDArray[np.int64]:
         """The visible chunks, with less detail if there are too many, unless full detail is requested."""
         nodes, chosen = scene.nodes, self._workspace.get("chosen", len(scene.bounds), np.int64)
         while True:
@@ -199,7 +199,7 @@ class CpuRasterizer(Rasterizer):
         scene, projected = job.scene, self._per_thread("projected", L.USED * L.CHUNK, np.float32)
         project(
             scene.geometry.reshape(-1), scene.sh.reshape(-1).view(np.uint16), scene.bounds, job.chosen, job.view,
-            job.splats, job.keys, job.visible, job.slices, job.tile_counts, job.tiles_x, projected, self._turn_from(0),
+            job.splats, job.keys, job.visible, job.slices, job.tile_counts, job.tiles_x, projected, self._counter(0),
         )  # fmt: skip
 
     def bin(self, job: FrameJob) -> None:
@@ -211,25 +211,25 @@ class CpuRasterizer(Rasterizer):
         job.in_order = self._workspace.get("entries in order", total, np.uint64)
         fill_lists(
             job.splats, job.keys, job.visible, job.slices, job.tile_counts, job.tiles_x, job.begin, job.end,
-            job.entries, self._threads, self._turn_from(0),
+            job.entries, self._threads, self._counter(0),
         )  # fmt: skip
 
     def sort(self, job: FrameJob) -> None:
         histograms = self._per_thread("histograms", DIGITS << DIGIT, np.int64)
-        turn = self._turn_from(job.begin)
+        turn = self._counter(job.begin)
         sort_lists(job.starts, job.begin, job.end, job.entries, job.in_order, histograms, turn)
 
     def blend(self, job: FrameJob) -> None:
         accumulators = self._per_thread("accumulators", TILE_FLOATS, np.float32)
         blend(
             job.splats, job.starts, job.begin, job.end, job.in_order, job.background, job.image.to_host(), job.cells,
-            accumulators, self._turn_from(job.begin),
+            accumulators, self._counter(job.begin),
         )  # fmt: skip
 
     def _per_thread(self, name: str, size: int, dtype: Any) -> NDArray[Any]:
         return self._workspace.get(name, self._threads * size, dtype).reshape(self._threads, size)
 
-    def _turn_from(self, first: int) -> NDArray[np.int64]:
+    def _counter(self, first: int) -> NDArray[np.int64]:
         self._turn[0] = first
         return self._turn
 

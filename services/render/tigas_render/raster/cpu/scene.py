@@ -14,7 +14,7 @@ from tigas_render.raster.base import ALPHA_MIN, BASIS_CONSTANTS, PreparedScene
 from tigas_render.raster.cpu import layout as L
 from tigas_render.raster.cpu.kernel import kernel
 from tigas_render.raster.cpu.levels import FROM, Nodes, add_levels, bound_nodes, deviation_bound, full_detail, pad, room
-from tigas_render.raster.cpu.order import sort_by_place
+from tigas_render.raster.cpu.order import sort_spatially
 
 Floats = NDArray[np.float32]
 HALF_MAX = 65504.0
@@ -70,7 +70,7 @@ def pack(scene: Batches) -> CpuScene:
     nodes, chunks = full_detail(count), -(-count // L.CHUNK)
     if count:
         scene.check()
-        grid = sort_by_place(rows[:count], sh[:count])
+        grid = sort_spatially(rows[:count], sh[:count])
         pad(rows, sh, count, chunks * L.CHUNK)
         if count >= FROM:
             chunks = add_levels(rows, sh, count, grid, first.antialiased, nodes, scene.check)
