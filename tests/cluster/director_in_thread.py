@@ -28,7 +28,7 @@ class RunningDirector:
     _loop: asyncio.AbstractEventLoop
 
     def follow(self, addresses: Iterable[HostAddress]) -> None:
-        self._on_loop(lambda: self._fleet.follow(addresses))
+        self._on_loop(lambda: self._fleet.set_hosts(addresses))
 
     def wait_for(self, names: Iterable[str]) -> None:
         wanted, end = set(names), time.monotonic() + PATIENCE_S

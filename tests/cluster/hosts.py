@@ -47,7 +47,7 @@ class FakeFleet(Fleet):
     def hosts(self) -> Sequence[HostState]:
         return list(self.states)
 
-    async def suspect(self, name: str) -> None:
+    async def poll_now(self, name: str) -> None:
         self.suspected.append(name)
         if name in self.dead:
             self.states = [state for state in self.states if state.name != name]

@@ -27,7 +27,7 @@ class Hosts(FakeHosts):
 
 @pytest.fixture(autouse=True)
 def hurry(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("POLL_S", "GONE_S", "ANSWER_S"):
+    for name in ("POLL_S", "DOWN_AFTER_S", "POLL_TIMEOUT_S"):
         monkeypatch.setattr(module, name, getattr(module, name) / 10)
 
 
@@ -67,21 +67,21 @@ async def test_a_silent_host_is_gone_until_it_answers(fleet: Fleet, hosts: Hosts
 async def test_a_suspected_host_that_does_not_answer_is_gone_at_once(
     fleet: Fleet, hosts: Hosts, monkeypatch: pytest.MonkeyPatch, how: str
 ) -> None:
-    monkeypatch.setattr(module, "GONE_S", 60.0)
+    monkeypatch.setattr(module, "DOWN_AFTER_S", 60.0)
     setattr(hosts, how, {"a"})
-    await asyncio.gather(*(fleet.suspect("a") for _ in range(5)))
+    await asyncio.gather(*(fleet.poll_now("a") for _ in range(5)))
     assert up(fleet, "b")()
 
 
 async def test_a_suspect_with_a_late_answer_is_gone(
     fleet: Fleet, hosts: Hosts, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(module, "ANSWER_S", 60.0)
+    monkeypatch.setattr(module, "POLL_TIMEOUT_S", 60.0)
     monkeypatch.setattr(module, "SUSPECT_S", 0.0)
     hosts.silent = {"a"}
     hosts.asked.clear()
     await eventually(lambda: hosts.count("a"))
-    await fleet.suspect("a")
+    await fleet.poll_now("a")
     assert up(fleet, "b")()
     assert hosts.count("a") == 1
 
@@ -89,7 +89,7 @@ async def test_a_suspect_with_a_late_answer_is_gone(
 async def test_a_suspect_that_has_just_failed_is_gone(
     fleet: Fleet, hosts: Hosts, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(module, "GONE_S", 60.0)
+    monkeypatch.setattr(module, "DOWN_AFTER_S", 60.0)
     hosts.dead = {"a"}
     hosts.asked.clear()
     await eventually(lambda: hosts.count("a") >= 3)
@@ -99,20 +99,20 @@ async def test_a_suspect_that_has_just_failed_is_gone(
     await eventually(lambda: hosts.count("a"))
     await asyncio.sleep(0)
     hosts.asked.clear()
-    await fleet.suspect("a")
+    await fleet.poll_now("a")
     assert up(fleet, "b")()
     assert hosts.count("a") == 0
 
 
 async def test_those_who_suspect_a_host_together_ask_it_once(fleet: Fleet, hosts: Hosts) -> None:
     hosts.asked.clear()
-    await asyncio.gather(*(fleet.suspect("a") for _ in range(50)), fleet.suspect("nobody"))
+    await asyncio.gather(*(fleet.poll_now("a") for _ in range(50)), fleet.poll_now("nobody"))
     assert hosts.count("a") <= 2, "one is the usual poll"
     assert up(fleet, "a", "b")()
 
 
 async def test_hosts_come_and_go_and_what_is_known_of_the_others_stays(fleet: Fleet) -> None:
-    fleet.follow([HostAddress("b", B.api_url, draining=True), HostAddress("c", "http://c.test:8080")])
+    fleet.set_hosts([HostAddress("b", B.api_url, draining=True), HostAddress("c", "http://c.test:8080")])
     assert [(host.name, host.draining) for host in fleet.hosts()] == [("b", True)]
     await eventually(up(fleet, "b", "c"))
 

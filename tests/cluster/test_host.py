@@ -19,7 +19,7 @@ import pytest
 from tests.command import tigas
 from tests.eventually import wait_until
 from tigas_cluster import host as module
-from tigas_cluster.connection import AnotherUp, OwnRay, named_cluster
+from tigas_cluster.connection import AlreadyManaged, PrivateRay, configured_address
 from tigas_cluster.host import Host
 from tigas_common.errors import StartError
 from tigas_common.installation import install_command
@@ -96,23 +96,23 @@ def test_its_service_ends_with_it_if_it_is_killed() -> None:
 
 def test_without_an_address_there_is_none_to_join(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("RAY_ADDRESS", "")
-    assert named_cluster() is None
+    assert configured_address() is None
 
 
 def test_a_head_that_listens_is_joined(monkeypatch: pytest.MonkeyPatch) -> None:
     with socket.create_server(("127.0.0.1", 0)) as head:
         address = f"127.0.0.1:{head.getsockname()[1]}"
         monkeypatch.setenv("RAY_ADDRESS", address)
-        assert named_cluster() == address
+        assert configured_address() == address
     with pytest.raises(StartError, match=rf"^The Ray cluster at {address} cannot be reached \(Connection refused\)\.$"):
-        named_cluster()
+        configured_address()
 
 
 @pytest.mark.parametrize("address", ["ray://10.0.0.1:10001", "local", "10.0.0.1", "10.0.0.1:99999"])
 def test_what_is_no_head_is_refused_in_a_sentence(monkeypatch: pytest.MonkeyPatch, address: str) -> None:
     monkeypatch.setenv("RAY_ADDRESS", address)
     with pytest.raises(StartError, match=r"^RAY_ADDRESS must be the head's HOST:PORT, such as 10.0.0.1:6379, not "):
-        named_cluster()
+        configured_address()
 
 
 @pytest.mark.parametrize("command", ["up", "status"])
@@ -134,16 +134,16 @@ def test_the_status_of_no_cluster_is_a_sentence(monkeypatch: pytest.MonkeyPatch,
 
 
 def test_what_a_ray_of_our_own_has_left_is_not_taken_for_one_that_runs(tmp_path: Path) -> None:
-    own = OwnRay(tmp_path)
+    own = PrivateRay(tmp_path)
     (tmp_path / "process").write_text("1")
     (tmp_path / "ray_current_cluster").write_text("127.0.0.1:1")
-    assert own.running() is None
+    assert own.find_address() is None
 
 
 def test_two_that_start_a_ray_of_their_own_at_once_do_not_harm_each_other(tmp_path: Path) -> None:
     (tmp_path / "session").mkdir()
     with (tmp_path / "process").open("w") as process:
         fcntl.flock(process, fcntl.LOCK_EX)  # the other one has not written its id yet
-        with pytest.raises(AnotherUp):
-            OwnRay(tmp_path)._launch()
+        with pytest.raises(AlreadyManaged):
+            PrivateRay(tmp_path)._launch()
     assert (tmp_path / "session").is_dir()

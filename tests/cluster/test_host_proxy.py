@@ -14,7 +14,7 @@ from tests.render.fakes import render_request
 from tests.scenes import scene
 from tests.visitor import Visitor
 from tigas_cluster import host_proxy
-from tigas_cluster.host_proxy import MOST_PER_ADDRESS, HostProxy, HostsBusy
+from tigas_cluster.host_proxy import MAX_WAITING_PER_ADDRESS, HostProxy, HostsBusy
 from tigas_common.errors import SceneInUse, problem
 from tigas_common.placement import ranked
 
@@ -129,7 +129,7 @@ async def test_what_a_dead_host_does_not_answer_another_one_does(client: httpx.A
 async def test_a_lost_host_is_not_waited_for(
     client: httpx.AsyncClient, hosts: Hosts, fleet: FakeFleet, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(host_proxy, "LOOK_S", 0.01)
+    monkeypatch.setattr(host_proxy, "CHECK_S", 0.01)
     hosts.silent = {FIRST}
     asking = asyncio.create_task(client.get("/scenes/garden/preview"))
     await eventually(lambda: hosts.asked)
@@ -185,12 +185,12 @@ async def test_one_address_does_not_take_all_requests_and_one_that_leaves_frees_
     def ask(address: str) -> Visitor:
         return Visitor(proxy, "POST", "/scenes/garden/load", address)
 
-    visitors = [ask("192.0.2.1") for _ in range(MOST_PER_ADDRESS)]
-    await eventually(lambda: len(hosts.asked) == MOST_PER_ADDRESS)
+    visitors = [ask("192.0.2.1") for _ in range(MAX_WAITING_PER_ADDRESS)]
+    await eventually(lambda: len(hosts.asked) == MAX_WAITING_PER_ADDRESS)
     with pytest.raises(HostsBusy):
         await ask("192.0.2.1").asking
     visitors.append(ask("192.0.2.2"))
-    await eventually(lambda: len(hosts.asked) == MOST_PER_ADDRESS + 1)
+    await eventually(lambda: len(hosts.asked) == MAX_WAITING_PER_ADDRESS + 1)
     for visitor in visitors:
         visitor.left.set()
         await visitor.asking

@@ -9,7 +9,7 @@ import pytest
 
 from tests.cluster.hosts import host
 from tigas_cluster.fleet import HostState
-from tigas_cluster.policy import COUNTED_S, LASTING_S, SETTLED_S, Choice, Plan, Scaler
+from tigas_cluster.policy import COUNT_DELAY_S, MIN_DRAIN_S, SCALE_UP_DELAY_S, HostChooser, Scaler, ScalingPlan
 from tigas_cluster.settings import HostRange
 from tigas_common.placement import WIDEN_S, ranked
 
@@ -23,10 +23,10 @@ class Choosing:
 
     def __init__(self) -> None:
         self.now = 100.0
-        self.choice = Choice(lambda: self.now)
+        self.choice = HostChooser(lambda: self.now)
 
     def __call__(self, *hosts: HostState, scene: str = "garden", **viewer: str) -> str:
-        chosen = self.choice.host(scene, hosts, **viewer)
+        chosen = self.choice.choose(scene, hosts, **viewer)
         assert chosen is not None
         return chosen.name
 
@@ -37,7 +37,7 @@ def choose() -> Choosing:
 
 
 def test_without_hosts_there_is_none(choose: Choosing) -> None:
-    assert choose.choice.host("garden", []) is None
+    assert choose.choice.choose("garden", []) is None
 
 
 def test_all_viewers_of_a_scene_share_a_host_however_many_others_are_idle(choose: Choosing) -> None:
@@ -60,7 +60,7 @@ def test_viewers_on_their_way_count_before_hosts_have_counted_them(choose: Choos
     for _ in range(40):  # until the scene is everywhere
         choose.now += WIDEN_S / 10
         choose(*hosts)
-    choose.now += COUNTED_S + 0.1
+    choose.now += COUNT_DELAY_S + 0.1
     assert Counter(choose(*hosts) for _ in range(30)) == dict.fromkeys(NAMES, 10)
 
 
@@ -101,7 +101,7 @@ class Scene:
         self.now = 0.0
         self.scaler = Scaler(HostRange.parse(allowed), CALM_S, GRACE_S, lambda: self.now)
 
-    def after(self, seconds: float, *hosts: HostState, starting: int = 0) -> Plan:
+    def after(self, seconds: float, *hosts: HostState, starting: int = 0) -> ScalingPlan:
         """The plan after the hosts have been in this state for some time."""
         self.scaler.plan(hosts, starting)
         self.now += seconds
@@ -129,12 +129,12 @@ BUSY, FULL = host("a", 70, queue_age_s=0.3), host("a", 100, full=5.0)
     [
         ("2..8", [(0, [])], 2),
         ("1..8", [(3600, [host("a", 60)])], 1),
-        ("1..8", [(LASTING_S / 2, [BUSY])], 1),
-        ("1..8", [(LASTING_S / 2, [BUSY]), (LASTING_S, [BUSY])], 2),
-        ("1..8", [(LASTING_S / 2, [BUSY]), (LASTING_S, [host("a", 70, full=5.0)])], 2),
-        ("1..8", [(LASTING_S / 2, [BUSY]), (0, [host("a", 5)])] * 20, 1),
-        ("1..8", [(LASTING_S, [FULL]), (1, [host("a", 70), host("b", 90)])], 2),
-        ("1..8", [(LASTING_S, [FULL]), (1, [host("a", 95), host("b", 90)])], 3),  # before either is full
+        ("1..8", [(SCALE_UP_DELAY_S / 2, [BUSY])], 1),
+        ("1..8", [(SCALE_UP_DELAY_S / 2, [BUSY]), (SCALE_UP_DELAY_S, [BUSY])], 2),
+        ("1..8", [(SCALE_UP_DELAY_S / 2, [BUSY]), (SCALE_UP_DELAY_S, [host("a", 70, full=5.0)])], 2),
+        ("1..8", [(SCALE_UP_DELAY_S / 2, [BUSY]), (0, [host("a", 5)])] * 20, 1),
+        ("1..8", [(SCALE_UP_DELAY_S, [FULL]), (1, [host("a", 70), host("b", 90)])], 2),
+        ("1..8", [(SCALE_UP_DELAY_S, [FULL]), (1, [host("a", 95), host("b", 90)])], 3),  # before either is full
         ("1..2", [(3600, [FULL, host("b", 100, full=5.0)])], 2),
         ("1..8", [(1, [host("a", 20), host("b", 20)]), (60, [host("a", 20)])], 2),
     ],
@@ -159,12 +159,12 @@ def test_as_many_are_wanted_as_viewers_need(allowed: str, steps: list[Step], wan
 
 def test_one_that_is_starting_is_waited_for() -> None:
     scene = Scene()
-    assert scene.after(LASTING_S, BUSY).wanted == 2
+    assert scene.after(SCALE_UP_DELAY_S, BUSY).wanted == 2
     assert scene.after(120, BUSY, starting=1).wanted == 2
 
 
 def test_hosts_that_were_there_already_are_kept_at_first() -> None:
-    assert Scene().after(CALM_S / 2, host("a"), host("b"), host("c")) == Plan(3, frozenset(), frozenset())
+    assert Scene().after(CALM_S / 2, host("a"), host("b"), host("c")) == ScalingPlan(3, frozenset(), frozenset())
 
 
 def test_the_host_with_the_fewest_viewers_drains_after_a_calm_while() -> None:
@@ -172,7 +172,7 @@ def test_the_host_with_the_fewest_viewers_drains_after_a_calm_while() -> None:
     scene.after(1, host("a", 60), host("b", 50))
     assert scene.after(CALM_S - 1, host("a", 20), host("b", 3)).draining == set()
     plan = scene.after(1, host("a", 20), host("b", 3))
-    assert plan == Plan(1, frozenset({"b"}), frozenset())
+    assert plan == ScalingPlan(1, frozenset({"b"}), frozenset())
 
 
 def test_what_the_others_could_not_hold_stays() -> None:
@@ -194,7 +194,7 @@ def test_one_after_the_other() -> None:
     ("before", "steps"),
     [
         (3, [(GRACE_S / 2, 3, False), (0, 0, True)]),
-        (0, [(SETTLED_S / 2, 0, False), (SETTLED_S, 0, True)]),
+        (0, [(MIN_DRAIN_S / 2, 0, False), (MIN_DRAIN_S, 0, True)]),
         (3, [(GRACE_S, 1, True)]),
     ],
     ids=["viewers leave", "viewers may be on their way", "a viewer never leaves"],
@@ -207,8 +207,8 @@ def test_a_draining_host_ends(before: int, steps: list[tuple[float, int, bool]])
 
 
 def test_a_host_that_drains_comes_back_before_there_is_another() -> None:
-    plan = draining(3).after(LASTING_S, host("a", 60, full=5.0), host("b", 3, draining=True))
-    assert plan == Plan(2, frozenset(), frozenset())
+    plan = draining(3).after(SCALE_UP_DELAY_S, host("a", 60, full=5.0), host("b", 3, draining=True))
+    assert plan == ScalingPlan(2, frozenset(), frozenset())
 
 
 def draining(viewers: int) -> Scene:

@@ -21,7 +21,7 @@ import psutil
 import pytest
 
 from tests.eventually import wait_until
-from tigas_cluster.connection import OwnRay
+from tigas_cluster.connection import PrivateRay
 from tigas_common.processes import tigas
 
 pytestmark = [pytest.mark.slow, pytest.mark.extended]
@@ -39,7 +39,7 @@ QUIET = {
 def folder() -> Iterator[Path]:
     with short_folder() as folder:
         yield folder
-        OwnRay(folder / f"tigas-ray-{os.getuid()}").stop()  # of a test that has failed
+        PrivateRay(folder / f"tigas-ray-{os.getuid()}").stop()  # of a test that has failed
 
 
 @contextlib.contextmanager
@@ -111,7 +111,7 @@ class Up:
         return found
 
     def interrupt(self) -> None:
-        """Press Ctrl+C; it ends in order, and has not given up Ray after `up.END_S`."""
+        """Press Ctrl+C; it ends in order, and has not given up Ray after `up.STOP_TIMEOUT_S`."""
         self.process.send_signal(signal.SIGINT)
         assert self.process.wait(30) == 0
 

@@ -83,7 +83,7 @@ class FakeCluster(Cluster, httpx.AsyncBaseTransport):
         for name in hosts:
             del self.running[name]
 
-    def ask_for(self, number: int) -> None:
+    def request_hosts(self, number: int) -> None:
         self.asked_for.append(number)
 
     async def handle_async_request(self, request: httpx.Request) -> httpx.Response:
@@ -96,8 +96,8 @@ class FakeCluster(Cluster, httpx.AsyncBaseTransport):
 
 @pytest.fixture(autouse=True)
 def hurry(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ray_fleet, "LOOK_S", 0.02)
-    for name in ("POLL_S", "GONE_S", "ANSWER_S"):
+    monkeypatch.setattr(ray_fleet, "POLL_S", 0.02)
+    for name in ("POLL_S", "DOWN_AFTER_S", "POLL_TIMEOUT_S"):
         monkeypatch.setattr(fleet, name, getattr(fleet, name) / 10)
 
 
@@ -127,7 +127,7 @@ def up(hosts: RayFleet, *names: str) -> Callable[[], bool]:
 
 
 async def test_as_many_machines_become_hosts_as_are_wanted(hosts: RayFleet, cluster: FakeCluster) -> None:
-    await hosts.began
+    await hosts.ready
     await eventually(up(hosts, "host-1", "host-2"))
     assert set(cluster.running.values()) == {"red", "green"}
     assert {host.address.public_host for host in hosts.fleet.hosts()} == {"red.example", "green.example"}
@@ -144,7 +144,7 @@ async def test_hosts_outlive_the_fleet_unless_they_are_ended(hosts: RayFleet, cl
     await eventually(up(hosts, "host-1", "host-2"))
     await hosts.__aexit__()
     assert len(cluster.running) == 2
-    await hosts.end()
+    await hosts.stop()
     assert cluster.running == {}
     assert cluster.asked_for[-1] == 0
 
@@ -166,7 +166,7 @@ async def test_a_host_that_still_starts_is_ended_too(cluster: FakeCluster, monke
     monkeypatch.setattr(cluster, "stop", stop_early)
     async with kept(cluster, "1") as hosts:
         await eventually(starting.is_set)
-        await hosts.end()
+        await hosts.stop()
     await asyncio.get_running_loop().shutdown_default_executor()
     assert cluster.running == {}
     assert cluster.asked_for[-1] == 0
@@ -224,7 +224,7 @@ async def test_a_host_with_another_version_is_named_and_not_used(cluster: FakeCl
     cluster.version = "0.0.1"
     async with kept(cluster) as hosts:
         with pytest.raises(StartError, match="install the same version everywhere"):
-            await hosts.began
+            await hosts.ready
         assert hosts.fleet.hosts() == []
     assert len([line for line in cluster.said if line.startswith("host-1: It has TIGAS 0.0.1")]) == 1
 
@@ -234,7 +234,7 @@ async def test_the_cluster_does_not_begin_where_no_host_can(cluster: FakeCluster
     setattr(cluster, how, "The models directory /nowhere does not exist.")
     async with kept(cluster) as hosts:
         with pytest.raises(StartError, match="/nowhere does not exist"):
-            await hosts.began
+            await hosts.ready
 
 
 async def test_a_host_that_stays_silent_is_replaced(hosts: RayFleet, cluster: FakeCluster) -> None:

@@ -66,7 +66,7 @@ def hosts(models: Path) -> Iterator[dict[str, RenderServer]]:
 @pytest.fixture
 def cluster(hosts: dict[str, RenderServer], monkeypatch: pytest.MonkeyPatch) -> Iterator[Cluster]:
     """Both hosts are up at first; one that is only slow, on a busy machine, stays so."""
-    monkeypatch.setattr(fleet, "GONE_S", 10.0)
+    monkeypatch.setattr(fleet, "DOWN_AFTER_S", 10.0)
     with running_director([HostAddress(name, host.url.rstrip("/")) for name, host in hosts.items()]) as director:
         director.wait_for(hosts)
         yield Cluster(director, hosts)

@@ -44,13 +44,13 @@ class Status(Command):
         from tigas_cluster.connection import check_ray
 
         check_ray()
-        from tigas_cluster.status import status, table
+        from tigas_cluster.status import make_table, read_statuses
 
-        found = status()
+        found = read_statuses()
         if self.json_:
             print(json.dumps([each.model_dump(mode="json") for each in found], indent=2))
         else:
-            make_console().print(table(found) if found else "No host is running.")
+            make_console().print(make_table(found) if found else "No host is running.")
 
 
 cluster = Group("Serve scenes from several machines under one address, with Ray.", {"up": Up, "status": Status})

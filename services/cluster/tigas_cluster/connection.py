@@ -29,7 +29,7 @@ from tigas_common.installation import install_command
 ADDRESS = "RAY_ADDRESS"
 AUTO = "auto"
 """Value of RAY_ADDRESS for the cluster running on this machine."""
-REACH_S = 5.0
+CONNECT_TIMEOUT_S = 5.0
 """Timeout for reaching the head, in seconds."""
 NAMESPACE = "tigas"
 """Ray namespace of our actors."""
@@ -47,14 +47,14 @@ _SETTINGS = {
 }
 
 
-class AnotherUp(StartError):
+class AlreadyManaged(StartError):
     """Another process is managing the cluster."""
 
     def __init__(self) -> None:
         super().__init__("Another `tigas cluster up` manages this cluster; stop it first.")
 
 
-class OwnRay:
+class PrivateRay:
     """A private Ray, one per user, with a token that only the user can read. It outlives its starter."""
 
     def __init__(self, folder: Path | None = None) -> None:
@@ -69,22 +69,22 @@ class OwnRay:
         """Environment variables that processes need before they import ray."""
         return {"RAY_AUTH_MODE": "token", "RAY_AUTH_TOKEN_PATH": str(self._token)}
 
-    def running(self) -> str | None:
+    def find_address(self) -> str | None:
         """The address of Ray, if it is running."""
         return self._address.read_text().strip() if self._pid() is not None and self._address.exists() else None
 
     def start(self) -> str:
-        """Start Ray unless it runs, and return its address. Raises StartError; AnotherUp if another process does."""
+        """Start Ray unless it runs, and return its address. Raises StartError and AlreadyManaged."""
         if self._pid() is None:
             self._launch()
         deadline = time.monotonic() + START_S
-        while (address := self.running()) is None:
+        while (address := self.find_address()) is None:
             if self._pid() is None or time.monotonic() > deadline:
-                raise StartError(f"Ray did not start: {self._last_words()}")
+                raise StartError(f"Ray did not start: {self._last_log_line()}")
             time.sleep(0.05)
         return address
 
-    def _last_words(self) -> str:
+    def _last_log_line(self) -> str:
         log = self._folder / "log"
         lines = log.read_text(errors="replace").splitlines() if log.exists() else []
         said = next((line.strip() for line in reversed(lines) if line.strip()), "")
@@ -108,9 +108,9 @@ class OwnRay:
             try:
                 fcntl.flock(process, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except OSError:
-                raise AnotherUp from None
+                raise AlreadyManaged from None
             process.truncate(0)
-            self._renew_folder()
+            self._reset_folder()
             with (self._folder / "log").open("wb") as log:
                 started = subprocess.Popen(
                     self._command(),
@@ -132,7 +132,7 @@ class OwnRay:
         if not stat.S_ISDIR(status.st_mode) or status.st_uid != os.getuid():
             raise StartError(f"Ray's folder {self._folder} belongs to somebody else.")
 
-    def _renew_folder(self) -> None:
+    def _reset_folder(self) -> None:
         """Replace the files of a killed Ray, except the file that its process has locked."""
         try:
             for path in self._folder.iterdir():
@@ -175,7 +175,7 @@ def check_ray() -> None:
         raise StartError(f"A cluster needs Ray, which is not installed: {install_command('cluster')}")
 
 
-def named_cluster() -> str | None:
+def configured_address() -> str | None:
     """Address of the cluster to join, if one is configured. Raises StartError."""
     address = os.environ.get(ADDRESS)
     if not address or address == AUTO:
@@ -187,7 +187,7 @@ def named_cluster() -> str | None:
     if head is None or host_of(address) is None:
         raise StartError(f"{ADDRESS} must be the head's HOST:PORT, such as 10.0.0.1:6379, not {address[:100]!r}.")
     try:
-        socket.create_connection((head.host, head.port), REACH_S).close()  # Ray would try for minutes
+        socket.create_connection((head.host, head.port), CONNECT_TIMEOUT_S).close()  # Ray would try for minutes
     except (OSError, UnicodeError) as error:
         reason = getattr(error, "strerror", None) or error
         raise StartError(f"The Ray cluster at {head} cannot be reached ({reason}).") from None
@@ -195,7 +195,7 @@ def named_cluster() -> str | None:
 
 
 @contextmanager
-def connected(own: OwnRay | None, address: str) -> Iterator[None]:
+def connect(own: PrivateRay | None, address: str) -> Iterator[None]:
     """Connect to this cluster, possibly a private one, as a context manager. Raises StartError."""
     os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
     if own is not None:

@@ -17,7 +17,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 from tigas_cluster.fleet import Fleet, HostState
 from tigas_cluster.host_proxy import HostProxy, NoHost
-from tigas_cluster.policy import Choice
+from tigas_cluster.policy import HostChooser
 from tigas_common.errors import InvalidRequest
 from tigas_common.metrics import CountedRequests, labelled_gauge, metrics_route, new_registry
 from tigas_common.openapi import openapi
@@ -41,7 +41,7 @@ MAX_NAME = 256
 """Maximum length of the name of a scene or host in a query."""
 HOST_GAUGES: Mapping[str, tuple[str, Callable[[HostState], float]]] = {
     "viewers": ("Viewers of a host", lambda host: host.viewers),
-    "host_full": ("Whether it refuses new viewers", lambda host: host.full is not None),
+    "host_full": ("Whether it refuses new viewers", lambda host: host.retry_after_s is not None),
     "host_draining": ("Whether it is draining", lambda host: host.draining),
     "host_utilisation_ratio": ("Share of time at work, 0 to 1", lambda host: host.load.utilisation),
     "host_queue_age_seconds": ("Longest wait in the last second", lambda host: host.load.queue_age_s),
@@ -91,7 +91,7 @@ class Director:
         self, fleet: Fleet, clock: Callable[[], float], services: Mapping[str, str], registry: CollectorRegistry
     ) -> None:
         self.fleet = fleet
-        self._choice = Choice(clock)
+        self._choice = HostChooser(clock)
         self._services = services
         self._placements = Counter("tigas_director_placements", "Viewers sent to a host", ["host"], registry=registry)
         self._redirects = Counter(
@@ -111,11 +111,11 @@ class Director:
         at: its present host. silent: its present host, which does not answer. lost: a host that refused it.
         """
         if doubted := silent or lost:
-            await self.fleet.suspect(doubted)
+            await self.fleet.poll_now(doubted)
         hosts = self.fleet.hosts()
-        if silent is not None and any(host.name == silent and host.full is None for host in hosts):
+        if silent is not None and any(host.name == silent and host.retry_after_s is None for host in hosts):
             at = silent
-        chosen = self._choice.host(scene, hosts, at=at, avoid=doubted)
+        chosen = self._choice.choose(scene, hosts, at=at, avoid=doubted)
         if chosen is None:
             raise NoHost
         left = at or doubted
@@ -161,8 +161,8 @@ class _HostGauges(Collector):
 async def config(request: Request) -> ModelResponse[ServerConfig]:
     """The page's configuration, including the host of its scene."""
     director = _director(request)
-    scene = _named(request, "scene") or ""
-    host = await director.place(scene, **{why: _named(request, why) for why in ("at", "silent", "lost")})
+    scene = _query_name(request, "scene") or ""
+    host = await director.place(scene, **{why: _query_name(request, why) for why in ("at", "silent", "lost")})
     return json_response(director.config(host, request.url.hostname or "localhost"))
 
 
@@ -212,7 +212,7 @@ async def healthz(request: Request) -> Response:
     return healthy()
 
 
-def _named(request: Request, parameter: str) -> str | None:
+def _query_name(request: Request, parameter: str) -> str | None:
     name = request.query_params.get(parameter)
     if name and len(name) > MAX_NAME:
         raise InvalidRequest(f"{parameter}: a name has at most {MAX_NAME} characters.")

@@ -16,17 +16,17 @@ from tigas_common.errors import TigasError
 from tigas_common.parsing import parse
 from tigas_common.wire.render import HostLoad
 
-PRESSED_UTILISATION, PRESSED_AGE_S = 0.8, 0.06
+OVERLOAD_UTILISATION, OVERLOAD_AGE_S = 0.8, 0.06
 """Utilisation, and longest wait in seconds, above which a host counts as under pressure."""
 POLL_S = 0.25
 """Polling interval of each host, in seconds."""
-GONE_S = 1.0
+DOWN_AFTER_S = 1.0
 """Seconds without an answer after which a host counts as down until it answers."""
-ANSWER_S = GONE_S - POLL_S
+POLL_TIMEOUT_S = DOWN_AFTER_S - POLL_S
 """Timeout of an answer, in seconds."""
 SUSPECT_S = 0.3
 """Time for a host reported as silent to answer, in seconds."""
-MAX_LOAD = 1_000_000
+MAX_REPORT_BYTES = 1_000_000
 """Maximum size of a report in bytes; it lists scenes."""
 
 
@@ -44,7 +44,7 @@ class HostAddress:
     """Whether it is about to end: it gets no new viewers, and its viewers move to other hosts."""
 
     @property
-    def public(self) -> str:
+    def public_address(self) -> str:
         """HOST:PORT of its API, as used by pages."""
         url = urlsplit(self.api_url)
         host = bracketed(self.public_host or url.hostname or "localhost")
@@ -70,22 +70,22 @@ class HostState:
     @property
     def render_url(self) -> str:
         """Base URL for a page's `POST /render`."""
-        return f"http://{self.address.public}"
+        return f"http://{self.address.public_address}"
 
     @property
     def viewers(self) -> int:
         return self.load.viewers
 
     @property
-    def full(self) -> float | None:
+    def retry_after_s(self) -> float | None:
         """Seconds after which a new viewer may try again; None if new viewers are admitted."""
         return self.load.config.retry_after_s
 
     @property
-    def pressed(self) -> bool:
+    def is_overloaded(self) -> bool:
         """Whether its scenes would benefit from another host."""
-        busy = self.load.utilisation > PRESSED_UTILISATION or self.load.queue_age_s > PRESSED_AGE_S
-        return busy or self.full is not None
+        busy = self.load.utilisation > OVERLOAD_UTILISATION or self.load.queue_age_s > OVERLOAD_AGE_S
+        return busy or self.retry_after_s is not None
 
 
 class Fleet:
@@ -102,50 +102,50 @@ class Fleet:
         self._client = httpx.AsyncClient(
             transport=transport or httpx.AsyncHTTPTransport(limits=httpx.Limits(max_connections=None))
         )
-        self._polled: dict[str, _Polled] = {}
+        self._pollers: dict[str, _HostPoller] = {}
         self._running = False
-        self.follow(addresses)
+        self.set_hosts(addresses)
 
     async def __aenter__(self) -> Self:
         """Poll each host once, then start polling regularly."""
         self._running = True
-        await asyncio.gather(*(polled.ask() for polled in self._polled.values()))
-        for polled in self._polled.values():
-            polled.start()
+        await asyncio.gather(*(poller.poll() for poller in self._pollers.values()))
+        for poller in self._pollers.values():
+            poller.start()
         return self
 
     async def __aexit__(self, *_: object) -> None:
         self._running = False
-        for polled in self._polled.values():
-            polled.stop()
+        for poller in self._pollers.values():
+            poller.stop()
         await self._client.aclose()
 
-    def follow(self, addresses: Iterable[HostAddress]) -> None:
+    def set_hosts(self, addresses: Iterable[HostAddress]) -> None:
         """Set the hosts. The state of known hosts is kept."""
         wanted = {address.name: address for address in addresses}
-        for name, polled in list(self._polled.items()):
+        for name, poller in list(self._pollers.items()):
             address = wanted.get(name)
-            if address is None or address.api_url != polled.address.api_url:
-                self._polled.pop(name).stop()
+            if address is None or address.api_url != poller.address.api_url:
+                self._pollers.pop(name).stop()
         for name, address in wanted.items():
-            if name in self._polled:
-                self._polled[name].address = address
+            if name in self._pollers:
+                self._pollers[name].address = address
                 continue
-            self._polled[name] = made = _Polled(address, self._client, self._clock)
+            self._pollers[name] = made = _HostPoller(address, self._client, self._clock)
             if self._running:
                 made.start()
 
     def hosts(self) -> Sequence[HostState]:
         """Hosts that are up, with their last reports."""
-        return [state for polled in self._polled.values() if (state := polled.state) is not None]
+        return [state for poller in self._pollers.values() if (state := poller.state) is not None]
 
-    async def suspect(self, name: str) -> None:
+    async def poll_now(self, name: str) -> None:
         """Poll a host now, as a viewer reports it as silent. `hosts` reflects the outcome on return."""
-        if (polled := self._polled.get(name)) is not None:
-            await polled.check()
+        if (poller := self._pollers.get(name)) is not None:
+            await poller.check()
 
 
-class _Polled:
+class _HostPoller:
     def __init__(self, address: HostAddress, client: httpx.AsyncClient, clock: Callable[[], float]) -> None:
         self.address = address
         self._client = client
@@ -154,7 +154,7 @@ class _Polled:
         self._answered_at = -math.inf
         self._failing = False
         """Whether the last poll failed, so that a pause of this process alone does not make a host seem down."""
-        self._asked_at: float | None = None
+        self._poll_started_at: float | None = None
         """Start of the pending poll, if any."""
         self._polling: asyncio.Task[None] | None = None
         self._checking: asyncio.Task[None] | None = None
@@ -162,12 +162,12 @@ class _Polled:
     @property
     def state(self) -> HostState | None:
         """State of the host; None if it is down, or has never been up."""
-        if self._load is None or (self._failing and self._clock() - self._answered_at >= GONE_S):
+        if self._load is None or (self._failing and self._clock() - self._answered_at >= DOWN_AFTER_S):
             return None
         return HostState(self.address, self._load)
 
     def start(self) -> None:
-        self._polling = asyncio.create_task(self._poll())
+        self._polling = asyncio.create_task(self._keep_polling())
 
     def stop(self) -> None:
         for task in (self._polling, self._checking):
@@ -180,16 +180,16 @@ class _Polled:
             self._checking = asyncio.create_task(self._check())
         await asyncio.wait([self._checking])
 
-    async def ask(self, limit_s: float | None = None) -> bool:
+    async def poll(self, limit_s: float | None = None) -> bool:
         """Poll once, and return whether an answer arrived within the limit."""
         began = self._clock()
         try:
-            async with asyncio.timeout(limit_s or ANSWER_S):
+            async with asyncio.timeout(limit_s or POLL_TIMEOUT_S):
                 answer = await self._client.get(
-                    f"{self.address.api_url}/api/load", headers={"Host": self.address.public}
+                    f"{self.address.api_url}/api/load", headers={"Host": self.address.public_address}
                 )
             answer.raise_for_status()
-            self._load = parse(HostLoad, answer.content, MAX_LOAD)
+            self._load = parse(HostLoad, answer.content, MAX_REPORT_BYTES)
         except (TimeoutError, httpx.HTTPError, TigasError):
             self._failing = True
             return False
@@ -197,14 +197,14 @@ class _Polled:
         return True
 
     async def _check(self) -> None:
-        asked_at = self._clock() if self._asked_at is None else self._asked_at
+        asked_at = self._clock() if self._poll_started_at is None else self._poll_started_at
         known = self._failing or self._clock() - asked_at >= SUSPECT_S  # it already had time to answer
-        if known or not await self.ask(SUSPECT_S):
+        if known or not await self.poll(SUSPECT_S):
             self._answered_at, self._failing = -math.inf, True
 
-    async def _poll(self) -> None:
+    async def _keep_polling(self) -> None:
         while True:
-            self._asked_at = self._clock()
-            await self.ask()
-            self._asked_at = None
+            self._poll_started_at = self._clock()
+            await self.poll()
+            self._poll_started_at = None
             await asyncio.sleep(POLL_S)

@@ -15,13 +15,13 @@ from tigas_common.address import Address, is_address, is_loopback
 from tigas_common.errors import StartError
 from tigas_common.processes import Service, keep_running, tigas, with_parent
 
-VIEWER_ADDRESS = "TIGAS_VIEWER_ADDRESS"
+VIEWER_ADDRESS_VARIABLE = "TIGAS_VIEWER_ADDRESS"
 """Environment variable of a machine that viewers reach under another name or address than the cluster does."""
 RETRY_S = 60.0
 """Seconds until a failing service is retried, as its machine may have recovered."""
-OPEN = re.compile(r"Open http://[^/]+:([0-9]+)/")
+OPEN_LINE = re.compile(r"Open http://[^/]+:([0-9]+)/")
 """Pattern of the last line of `tigas render`'s start message."""
-FOR_THE_MACHINE = ("Preparing ", "Open to the network ")
+OMITTED_PREFIXES = ("Preparing ", "Open to the network ")
 """Prefixes of output lines that are omitted, as they only help users at the machine's terminal."""
 
 
@@ -56,18 +56,18 @@ class Host:
 
             address = ray.util.get_node_ip_address()
         self._address = address
-        self._viewer_address = os.environ.get(VIEWER_ADDRESS) or address
+        self._viewer_address = os.environ.get(VIEWER_ADDRESS_VARIABLE) or address
         everywhere = address if is_loopback(address) else "::" if ":" in address else "0.0.0.0"
         http, quic = Address(everywhere, http_port), Address(everywhere, quic_port)
         named = () if is_address(self._viewer_address) else ("--allow-host", self._viewer_address)
         fixed = ("--no-edit-scenes",)  # data stored by one host is missing on the others
         self._command = with_parent(tigas("render", "--http", str(http), "--quic", str(quic), *fixed, *named, *options))
         self._since = time.time()
-        self._render = _Render()
+        self._render = _RenderOutput()
         self._failure: str | None = None
         self._stop = threading.Event()
         # The service ends with the thread that started it, so that it does not outlive this process if that is killed.
-        self._keeping = threading.Thread(target=self._keep, name="keep the render service", daemon=True)
+        self._keeping = threading.Thread(target=self._keep_running, name="keep the render service", daemon=True)
         self._keeping.start()
 
     def facts(self) -> Facts:
@@ -89,7 +89,7 @@ class Host:
         self._stop.set()
         self._keeping.join()
 
-    def _keep(self) -> None:
+    def _keep_running(self) -> None:
         while not self._stop.is_set():
             try:
                 keep_running((Service("render service", self._start),), self._stop)
@@ -106,12 +106,12 @@ class Host:
             start_new_session=True,
             env={name: value for name, value in os.environ.items() if name != "OMP_NUM_THREADS"},  # Ray sets it to 1
         )
-        self._render = _Render()
-        threading.Thread(target=self._render.listen, args=(process.stdout,), daemon=True).start()
+        self._render = _RenderOutput()
+        threading.Thread(target=self._render.read, args=(process.stdout,), daemon=True).start()
         return process
 
 
-class _Render:
+class _RenderOutput:
     """Output of one start of the service."""
 
     def __init__(self) -> None:
@@ -121,15 +121,15 @@ class _Render:
         """Output until it started serving."""
         self.last = ""
 
-    def listen(self, output: IO[bytes]) -> None:
+    def read(self, output: IO[bytes]) -> None:
         """Read all output, and write it to the log."""
         with output:
             for line in output:
                 text = line.decode(errors="replace").rstrip("\n")
                 print(text, flush=True)
                 self.last = text or self.last
-                if opened := OPEN.match(text):
+                if opened := OPEN_LINE.match(text):
                     self.port = int(opened[1])
-                elif self.port is None and not text.startswith(FOR_THE_MACHINE):
+                elif self.port is None and not text.startswith(OMITTED_PREFIXES):
                     self.said.append(text)
         self.port = None

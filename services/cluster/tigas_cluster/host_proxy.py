@@ -23,17 +23,17 @@ from tigas_common.wire.render import SceneInfo
 
 MAX_CONNECTIONS = 128
 """Maximum number of connections to all hosts together."""
-MOST, MOST_PER_ADDRESS = 96, 48
+MAX_WAITING, MAX_WAITING_PER_ADDRESS = 96, 48
 """Requests that may wait for hosts at a time, in total and per address; other connections are for scene lists."""
-LOOK_S = 0.25
+CHECK_S = 0.25
 """Interval in seconds of checking whether a host that has not answered yet is still up."""
 ANSWER_S = 4.0
 """Seconds for a host to list its scenes before it is left out; the page waits for 5 s."""
 MAX_LIST = 10_000_000
 """Maximum size of a scene list, in bytes."""
-FROM_THE_PAGE = frozenset((b"host", b"origin", b"sec-fetch-site", b"sec-fetch-mode", b"sec-fetch-dest"))
+ORIGIN_HEADERS = frozenset((b"host", b"origin", b"sec-fetch-site", b"sec-fetch-mode", b"sec-fetch-dest"))
 """Headers about a request's origin, which the director checks, as a host does not know the names in them."""
-PAGES_HOSTS = ("http:", "https:")
+PAGE_SOURCES = ("http:", "https:")
 """Sources to which a page may connect: any host, as hosts come and go while it is open."""
 
 
@@ -58,7 +58,7 @@ def _headers(answer: httpx.Response) -> list[tuple[bytes, bytes]]:
     if not content_type.startswith("text/javascript"):  # scripts have the same policy on all hosts
         headers = [each for each in headers if each[0] != b"content-security-policy"]
     if content_type.startswith("text/html"):
-        headers.append((b"content-security-policy", page_policy(PAGES_HOSTS).encode()))
+        headers.append((b"content-security-policy", page_policy(PAGE_SOURCES).encode()))
     return headers
 
 
@@ -70,7 +70,7 @@ class HostProxy:
         self._fleet = fleet
         self._transport = transport or httpx.AsyncHTTPTransport(limits=httpx.Limits(max_connections=MAX_CONNECTIONS))
         self._client = httpx.AsyncClient(transport=self._transport)
-        self._running = ConcurrencyLimit(MOST, MOST_PER_ADDRESS)
+        self._running = ConcurrencyLimit(MAX_WAITING, MAX_WAITING_PER_ADDRESS)
 
     async def close(self) -> None:
         await self._client.aclose()
@@ -79,12 +79,12 @@ class HostProxy:
         """Forward a request. Raises NoHost and HostsBusy."""
         with self._running.one_more(client_of(scope), HostsBusy()):
             body = await read_body(Request(scope, receive), MAX_BODY)
-            answer = await unless(until_left(receive), self._first_answer(scope, body))
+            answer = await unless(until_left(receive), self._try_hosts(scope, body))
             if answer is not None:
                 await hand_back(answer, _headers(answer), receive, send)
 
-    async def _first_answer(self, scope: Scope, body: bytes) -> httpx.Response:
-        for host in self._in_order(scope["path"], Request(scope).query_params.get("host")):
+    async def _try_hosts(self, scope: Scope, body: bytes) -> httpx.Response:
+        for host in self._rank_hosts(scope["path"], Request(scope).query_params.get("host")):
             answer = await self._answer(host, scope, body)
             if answer is not None:
                 return answer
@@ -121,7 +121,7 @@ class HostProxy:
             return parse(list[SceneInfo], answer.raise_for_status().content, MAX_LIST)
         return None
 
-    def _in_order(self, path: str, wanted: str | None) -> Sequence[HostState]:
+    def _rank_hosts(self, path: str, wanted: str | None) -> Sequence[HostState]:
         """The hosts in the order in which to try them: the wanted one, then the likeliest for the scene in the path."""
         hosts = {host.name: host for host in self._fleet.hosts()}
         parts = path.split("/")
@@ -132,13 +132,13 @@ class HostProxy:
     async def _answer(self, host: HostState, scope: Scope, body: bytes) -> httpx.Response | None:
         """A host's answer; None if the host is lost before it answers."""
         try:
-            asking = ask(self._transport, host.address.api_url, scope, body, FROM_THE_PAGE)
-            return await unless(self._lost(host), asking)
+            asking = ask(self._transport, host.address.api_url, scope, body, ORIGIN_HEADERS)
+            return await unless(self._wait_until_lost(host), asking)
         except httpx.PoolTimeout:
             raise HostsBusy from None
         except httpx.TransportError:
             return None
 
-    async def _lost(self, host: HostState) -> None:
+    async def _wait_until_lost(self, host: HostState) -> None:
         while any(each.name == host.name for each in self._fleet.hosts()):  # noqa: ASYNC110 - a fleet has no events
-            await asyncio.sleep(LOOK_S)
+            await asyncio.sleep(CHECK_S)

@@ -14,7 +14,7 @@ import ray.util
 from ray.autoscaler.sdk import request_resources
 from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
-from tigas_cluster.connection import NAMESPACE, AnotherUp
+from tigas_cluster.connection import NAMESPACE, AlreadyManaged
 from tigas_cluster.host import Facts, Host
 from tigas_cluster.ray_fleet import Cluster, Node
 from tigas_common.errors import StartError
@@ -29,7 +29,7 @@ START_S = 60.0
 STOP_S = 3.5
 """Timeout for hosts to end, in seconds."""
 LEASE = "director"
-FREED_S, AGAIN_S = 3.0, 0.2
+LEASE_TIMEOUT_S, LEASE_RETRY_S = 3.0, 0.2
 """Time in which Ray notices that an earlier holder was killed, and interval of attempts until then, in seconds."""
 
 
@@ -57,7 +57,7 @@ class RayCluster(Cluster):
         """Make a machine a host. The host outlives this process, and Ray restarts it. Raises StartError."""
         own = {} if self._resource == GPU else {self._resource: node.amount}
         try:
-            actor = _actor(
+            actor = _create_actor(
                 Host, f"{name} {node.id}", node.id, *self._arguments,
                 lifetime="detached", num_gpus=node.gpus, resources=own,
             )  # fmt: skip
@@ -88,7 +88,7 @@ class RayCluster(Cluster):
         for actor in actors:
             ray.kill(actor)
 
-    def ask_for(self, number: int) -> None:
+    def request_hosts(self, number: int) -> None:
         amount = max((node.amount for node in self.nodes()), default=0) or 1
         request_resources(bundles=[{self._resource: amount}] * number)
 
@@ -98,30 +98,30 @@ class RayCluster(Cluster):
                 yield name, ray.get_actor(f"{name} {node}", namespace=NAMESPACE)
 
 
-class Holder:
+class LeaseHolder:
     """An idle actor. Ray allows each name only once, and ends the actor with its owning process."""
 
 
 @contextmanager
-def leased() -> Iterator[None]:
-    """Exclusive right to manage hosts, as a context manager: two would undo each other's work. Raises AnotherUp."""
-    deadline = time.monotonic() + FREED_S
+def hold_lease() -> Iterator[None]:
+    """Hold the only right to manage hosts: two processes would undo each other's work. Raises AlreadyManaged."""
+    deadline = time.monotonic() + LEASE_TIMEOUT_S
     here = ray.get_runtime_context().get_node_id()
     while True:
         try:
-            holder = _actor(Holder, LEASE, here)  # possibly before its process has started
+            holder = _create_actor(LeaseHolder, LEASE, here)  # possibly before its process has started
             break
         except ValueError:  # the name is taken
             if time.monotonic() > deadline:
-                raise AnotherUp from None
-            time.sleep(AGAIN_S)
+                raise AlreadyManaged from None
+            time.sleep(LEASE_RETRY_S)
     try:
         yield
     finally:
         ray.kill(holder)
 
 
-def _actor(kind: type, name: str, node: str, *arguments: Any, **options: Any) -> Any:
+def _create_actor(kind: type, name: str, node: str, *arguments: Any, **options: Any) -> Any:
     """Create an actor on a machine, restarted if it dies. Raises ValueError if the name is taken."""
     here = NodeAffinitySchedulingStrategy(node, soft=False)
     fixed = {"namespace": NAMESPACE, "num_cpus": 0, "max_restarts": -1, "scheduling_strategy": here}

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import httpx
 from pydantic import BaseModel
 
-from tigas_cluster.connection import OwnRay, connected, named_cluster
-from tigas_cluster.fleet import MAX_LOAD
+from tigas_cluster.connection import PrivateRay, configured_address, connect
+from tigas_cluster.fleet import MAX_REPORT_BYTES
 from tigas_cluster.host import Facts
 from tigas_common.errors import StartError, TigasError
 from tigas_common.parsing import parse
@@ -45,17 +45,17 @@ class HostStatus(BaseModel):
     """Loaded scenes."""
 
 
-def status() -> Sequence[HostStatus]:
+def read_statuses() -> Sequence[HostStatus]:
     """Status of every host. Raises StartError."""
-    address, own = named_cluster(), None
+    address, own = configured_address(), None
     if address is None:
-        own = OwnRay()
-        address = own.running()
+        own = PrivateRay()
+        address = own.find_address()
         if address is None:
             raise StartError(
                 "No cluster is running here: start one with `tigas cluster up`, or name another in RAY_ADDRESS."
             )
-    with connected(own, address):
+    with connect(own, address):
         from tigas_cluster.ray_cluster import RayCluster
 
         cluster = RayCluster("")
@@ -66,7 +66,7 @@ def status() -> Sequence[HostStatus]:
         return list(pool.map(lambda name: _status(name, facts.get(name)), names))
 
 
-def table(hosts: Sequence[HostStatus]) -> Table:
+def make_table(hosts: Sequence[HostStatus]) -> Table:
     from rich.table import Table
 
     made = Table("host", "address", "device", "viewers", "busy", "queue, ms", "scenes", "since", box=None)
@@ -110,6 +110,6 @@ def _load(url: str | None) -> HostLoad | None:
         return None
     try:
         answer = httpx.get(f"{url}/api/load", timeout=ANSWER_S, trust_env=False)
-        return parse(HostLoad, answer.content, MAX_LOAD) if answer.status_code == 200 else None
+        return parse(HostLoad, answer.content, MAX_REPORT_BYTES) if answer.status_code == 200 else None
     except (httpx.HTTPError, TigasError):
         return None

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, NoReturn
 
-from tigas_cluster.connection import RESOURCE, AnotherUp, OwnRay, connected, named_cluster
+from tigas_cluster.connection import RESOURCE, AlreadyManaged, PrivateRay, configured_address, connect
 from tigas_cluster.director import create_director
 from tigas_cluster.fleet import Fleet
 from tigas_cluster.policy import Scaler
@@ -29,27 +29,27 @@ if TYPE_CHECKING:
     from tigas_cluster.ray_cluster import RayCluster
 
 LOOPBACK = "127.0.0.1"
-END_S = 4.5
+STOP_TIMEOUT_S = 4.5
 """Timeout for all hosts to end, in seconds."""
 
 
 def up(settings: ClusterSettings, render_options: Sequence[str]) -> None:
     """Run the cluster until SIGINT or SIGTERM. Raises StartError."""
-    address = named_cluster()
+    address = configured_address()
     with explained(settings.http, "--http"):
         listener = settings.http.listen(HttpLimits.of(settings.http_limits).unread_s)
     with listener, terminated_as_interrupted():
         if address is not None:
             _run(settings, render_options, listener, address, None, ExitStack())
             return
-        own = OwnRay()
+        own = PrivateRay()
         with ExitStack() as after:
-            if own.running() is None:
+            if own.find_address() is None:
                 after.callback(own.stop)
             print("Starting Ray on this machine …", flush=True)
             try:
                 _run(settings, render_options, listener, own.start(), own, after)
-            except AnotherUp:
+            except AlreadyManaged:
                 after.pop_all()  # that process needs this Ray
                 raise
 
@@ -59,17 +59,17 @@ def _run(
     render_options: Sequence[str],
     listener: socket.socket,
     address: str,
-    own: OwnRay | None,
+    own: PrivateRay | None,
     after: ExitStack,
 ) -> None:
     """Serve until stopped, on the Ray at this address. `after` ends a private Ray, unless another process uses it."""
-    with connected(own, address):
+    with connect(own, address):
         import ray.util
 
-        from tigas_cluster.ray_cluster import GPU, RayCluster, leased
+        from tigas_cluster.ray_cluster import GPU, RayCluster, hold_lease
 
         names = (ray.util.get_node_ip_address(), *settings.allow_hosts)
-        pages = (*settings.allow_origins, *_pages(settings, listener.getsockname()[1], names))
+        pages = (*settings.allow_origins, *_page_origins(settings, listener.getsockname()[1], names))
         scenes = ("--scenes", str(settings.scenes.absolute())) if settings.scenes else ()
         options = [*scenes, *(f"--allow-origin={page}" for page in pages), *render_options]
         hosts_address = LOOPBACK if own and settings.http.is_loopback else None
@@ -80,13 +80,15 @@ def _run(
             settings.host_quic_port,
             options,
         )
-        with leased():
+        with hold_lease():
             if own is not None:
                 after.callback(own.stop)
             asyncio.run(_serve(settings, cluster, listener, own))
 
 
-async def _serve(settings: ClusterSettings, cluster: RayCluster, listener: socket.socket, own: OwnRay | None) -> None:
+async def _serve(
+    settings: ClusterSettings, cluster: RayCluster, listener: socket.socket, own: PrivateRay | None
+) -> None:
     stopped = asyncio.create_task(until_stopped())
     scaler = Scaler(settings.hosts, 60 * settings.calm_minutes, 60 * settings.grace_minutes, time.monotonic)
     origins = OriginPolicy.of([settings.http], settings.allow_hosts, settings.allow_origins)
@@ -103,22 +105,22 @@ async def _serve(settings: ClusterSettings, cluster: RayCluster, listener: socke
                     HttpLimits.of(settings.http_limits),
                 ) as port,
             ):
-                await asyncio.wait((stopped, hosts.began), return_when=asyncio.FIRST_COMPLETED)
-                if hosts.began.done():
-                    hosts.began.result()
+                await asyncio.wait((stopped, hosts.ready), return_when=asyncio.FIRST_COMPLETED)
+                if hosts.ready.done():
+                    hosts.ready.result()
                     say_if_open([settings.http])
                     _say(f"Open http://{settings.http.reachable_host}:{port}/")
                 await stopped
         finally:
             stopped.cancel()
             try:
-                async with asyncio.timeout(END_S):
-                    await hosts.end()
+                async with asyncio.timeout(STOP_TIMEOUT_S):
+                    await hosts.stop()
             except TimeoutError:
                 _abandon(own)
 
 
-def _abandon(own: OwnRay | None) -> NoReturn:
+def _abandon(own: PrivateRay | None) -> NoReturn:
     """Exit without Ray, as its calls block for a minute once the head is down, and cannot be interrupted."""
     print("Ray does not answer; remaining hosts end with Ray on their machines.", file=sys.stderr, flush=True)
     if own is not None:
@@ -130,7 +132,7 @@ def _say(text: str) -> None:
     print(printable(text, lines=True), flush=True)
 
 
-def _pages(settings: ClusterSettings, port: int, names: Sequence[str]) -> Iterator[str]:
+def _page_origins(settings: ClusterSettings, port: int, names: Sequence[str]) -> Iterator[str]:
     """The page's origins, which differ from the hosts' origins."""
     at_port = "" if port == 80 else f":{port}"
     own = () if settings.http.is_loopback else (settings.http.reachable_host, socket.gethostname(), *names)
