@@ -30,7 +30,7 @@ from aioquic.quic.events import ProtocolNegotiated, QuicEvent
 
 from benchmarks.services import STOP_S
 from tigas_common import processes
-from tigas_common.resources import give_back_regularly
+from tigas_common.resources import keep_releasing_memory
 from tigas_common.wire.render import FrameHeader, RenderRequest, ServerTiming
 from tigas_render.admission.limits import Limits
 from tigas_render.admission.load import Load
@@ -67,7 +67,7 @@ class Server:
 def running(name: str, size: int) -> Iterator[Server]:
     """A server of frames of this many bytes."""
     command = [sys.executable, "-m", "benchmarks.servers", name, str(size)]
-    with processes.running(command, STOP_S, stdout=subprocess.PIPE) as process:
+    with processes.run_process(command, STOP_S, stdout=subprocess.PIPE) as process:
         assert process.stdout is not None
         yield Server(process.pid, int(process.stdout.readline()))
 
@@ -92,7 +92,7 @@ async def run_ours(certificate: Certificate, size: int) -> None:
     async with Http3Server(
         app, host="127.0.0.1", certificate=certificate, webtransport=sessions, limits=LIMITS
     ) as server:
-        memory = asyncio.create_task(give_back_regularly())  # as the service does
+        memory = asyncio.create_task(keep_releasing_memory())  # as the service does
         await asyncio.sleep(0)
         announce(server.port)
         await memory

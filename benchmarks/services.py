@@ -15,7 +15,7 @@ import httpx
 import psutil
 
 from tigas_common.errors import StartError
-from tigas_common.processes import running, tigas
+from tigas_common.processes import run_process, tigas_command
 
 START_S = 180
 """The first start on a machine compiles the rasteriser."""
@@ -89,7 +89,9 @@ def started(name: str, *arguments: str, log: Path, **environment: str) -> Iterat
     """A `tigas` command, until the context ends."""
     with (
         log.open("ab") as file,
-        running(tigas(name, *arguments), STOP_S, stdout=file, stderr=file, env=os.environ | environment) as process,
+        run_process(
+            tigas_command(name, *arguments), STOP_S, stdout=file, stderr=file, env=os.environ | environment
+        ) as process,
     ):
         yield Service(name, process, log)
 

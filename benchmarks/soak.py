@@ -36,7 +36,7 @@ from rich.table import Table
 from benchmarks.hostile.services import write_scene
 from benchmarks.services import Service, free_ports, megabytes_of, open_files_of, started
 from tigas_common.errors import StartError
-from tigas_common.processes import tigas
+from tigas_common.processes import tigas_command
 from tigas_common.terminal import make_console
 from tigas_experiments.report.plot import add_legend, panel_grid, style, svg
 from tigas_experiments.run.browser import ARGUMENTS, find_chromium
@@ -172,7 +172,7 @@ class Soak:
         file = self._folder / "soak.toml"
         file.write_text(EXPERIMENT)
         out = self._folder / "experiments" / str(len(self.samples))
-        command = tigas("experiment", "run", str(file), "--url", self._url, "--out", str(out))
+        command = tigas_command("experiment", "run", str(file), "--url", self._url, "--out", str(out))
         ended = subprocess.run(command, capture_output=True, text=True, timeout=EXPERIMENT_S)
         if ended.returncode:
             self._complain([f"experiment: {line}" for line in ended.stderr.splitlines()[-2:]])

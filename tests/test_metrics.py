@@ -14,7 +14,7 @@ from tests.every_service import SERVICES, client_of
 from tests.prerequisites import PROMTOOL
 from tests.prometheus import figures
 from tests.render.fakes import render_request
-from tigas_common.metrics import MOST_SCENES, OTHER, SceneNames
+from tigas_common.metrics import MAX_SCENES, OTHER, SceneNames
 
 pytestmark = pytest.mark.anyio
 DOCS = (Path(__file__).parents[1] / "docs/deploy.md").read_text(encoding="utf-8")
@@ -75,7 +75,7 @@ async def test_names_follow_prometheus_conventions(name: str, tmp_path: Path) ->
 
 async def test_the_first_scenes_keep_their_names_and_the_rest_share_one() -> None:
     names = SceneNames()
-    scenes = [f"scene {number}" for number in range(MOST_SCENES + 50)]
+    scenes = [f"scene {number}" for number in range(MAX_SCENES + 50)]
     first = [names.label(scene) for scene in scenes]
-    assert first == [*scenes[:MOST_SCENES], *[OTHER] * 50]
+    assert first == [*scenes[:MAX_SCENES], *[OTHER] * 50]
     assert [names.label(scene) for scene in scenes] == first

@@ -218,7 +218,7 @@ def _process(
     """One of this package's programs, which writes into a file, until the context ends."""
     listed = ",".join(map(str, sorted(cores.clients)))
     command = [sys.executable, "-m", f"benchmarks.hostile.{module}", str(ports), listed, *arguments]
-    with output.open("wb") as file, processes.running(command, STOP_S, stdout=file) as process:
+    with output.open("wb") as file, processes.run_process(command, STOP_S, stdout=file) as process:
         yield process
 
 

@@ -43,7 +43,7 @@ class Crowds:
             for place in range(self._count):
                 command = [sys.executable, "-m", "benchmarks.load.crowd", str(place), str(self._count)]
                 pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
-                process = stack.enter_context(processes.running(command, END_S, **pipes))
+                process = stack.enter_context(processes.run_process(command, END_S, **pipes))
                 assert process.stdin is not None
                 stack.enter_context(suppress(BrokenPipeError))  # of a process that has ended
                 stack.callback(process.stdin.close)

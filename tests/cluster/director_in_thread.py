@@ -53,7 +53,7 @@ def running_director(addresses: Iterable[HostAddress]) -> Iterator[RunningDirect
         address = Address("127.0.0.1", 0)
         async with (
             Fleet(addresses, time.monotonic) as fleet,
-            create_director(fleet, origins=OriginPolicy.of([address]), clock=time.monotonic) as app,
+            create_director(fleet, origins=OriginPolicy.from_addresses([address]), clock=time.monotonic) as app,
             serve_http(app, address, HttpLimits()) as port,
         ):
             started.append(RunningDirector(f"http://127.0.0.1:{port}/", fleet, loop))

@@ -10,11 +10,11 @@ import pytest
 from tests.cluster.hosts import FakeFleet, asking_director, host
 from tests.prometheus import figures
 from tests.render.fakes import render_request
-from tigas_common.placement import ranked
+from tigas_common.placement import rank_names
 
 pytestmark = pytest.mark.anyio
 
-FIRST, SECOND = ranked("garden", ("a", "b"))
+FIRST, SECOND = rank_names("garden", ("a", "b"))
 
 
 @pytest.fixture

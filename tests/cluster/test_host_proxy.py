@@ -16,11 +16,11 @@ from tests.visitor import Visitor
 from tigas_cluster import host_proxy
 from tigas_cluster.host_proxy import MAX_WAITING_PER_ADDRESS, HostProxy, HostsBusy
 from tigas_common.errors import SceneInUse, problem
-from tigas_common.placement import ranked
+from tigas_common.placement import rank_names
 
 pytestmark = pytest.mark.anyio
 
-FIRST, SECOND = ranked("garden", ("a", "b"))
+FIRST, SECOND = rank_names("garden", ("a", "b"))
 PAGE = "<!doctype html>"
 
 

@@ -11,11 +11,11 @@ from tests.cluster.hosts import host
 from tigas_cluster.fleet import HostState
 from tigas_cluster.policy import COUNT_DELAY_S, MIN_DRAIN_S, SCALE_UP_DELAY_S, HostChooser, Scaler, ScalingPlan
 from tigas_cluster.settings import HostRange
-from tigas_common.placement import WIDEN_S, ranked
+from tigas_common.placement import WIDEN_S, rank_names
 
 CALM_S, GRACE_S = 300.0, 600.0
 NAMES = ("a", "b", "c")
-FIRST, SECOND, THIRD = ranked("garden", NAMES)
+FIRST, SECOND, THIRD = rank_names("garden", NAMES)
 
 
 class Choosing:

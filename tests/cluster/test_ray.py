@@ -22,7 +22,7 @@ import pytest
 
 from tests.eventually import wait_until
 from tigas_cluster.connection import PrivateRay
-from tigas_common.processes import tigas
+from tigas_common.processes import tigas_command
 
 pytestmark = [pytest.mark.slow, pytest.mark.extended]
 START_RAY = (sys.executable, "-m", "ray.scripts.scripts", "start", "--block")
@@ -96,7 +96,7 @@ class Up:
     environment: dict[str, str]
 
     def status(self) -> list[dict[str, Any]]:
-        command = tigas("cluster", "status", "--json")
+        command = tigas_command("cluster", "status", "--json")
         found: list[dict[str, Any]] = json.loads(subprocess.check_output(command, env=self.environment))
         return found
 
@@ -120,7 +120,7 @@ class Up:
 def up(environment: dict[str, str], *options: str) -> Iterator[Up]:
     """A running one, until the context ends."""
     environment = {**{name: value for name, value in os.environ.items() if name != "RAY_ADDRESS"}, **environment}
-    command = tigas("cluster", "up", "--http", "127.0.0.1:0", *options, "--", "--device", "instant")
+    command = tigas_command("cluster", "up", "--http", "127.0.0.1:0", *options, "--", "--device", "instant")
     with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) as process:
         try:
             assert process.stdout is not None
@@ -170,7 +170,10 @@ def test_hosts_outlive_a_second_up_and_a_killed_one_and_the_next_finds_them_and_
         [host] = cluster.status()
         assert (host["host"], host["viewers"], host["failure"]) == ("host-1", 0, None)
         second = subprocess.run(
-            tigas("cluster", "up", "--http=127.0.0.1:0"), env=cluster.environment, capture_output=True, text=True
+            tigas_command("cluster", "up", "--http=127.0.0.1:0"),
+            env=cluster.environment,
+            capture_output=True,
+            text=True,
         )
         assert second.returncode == 1
         assert second.stderr.endswith("Another `tigas cluster up` manages this cluster; stop it first.\n")

@@ -5,15 +5,15 @@ from __future__ import annotations
 import pytest
 
 from tigas_common.address import (
-    ISOLATED,
+    ISOLATED_VARIABLE,
     Address,
     client_network,
-    host_of,
-    host_of_origin,
     is_address,
     is_loopback,
     is_network_name,
-    say_if_open,
+    parse_host,
+    parse_origin_host,
+    warn_if_open,
 )
 
 HOME, EVERYWHERE = Address("127.0.0.1", 80), Address("0.0.0.0", 80)
@@ -55,10 +55,10 @@ def test_a_service_says_if_others_reach_it(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.delenv(ISOLATED, raising=False)
+    monkeypatch.delenv(ISOLATED_VARIABLE, raising=False)
     if isolated:
-        monkeypatch.setenv(ISOLATED, "yes")
-    say_if_open(addresses)
+        monkeypatch.setenv(ISOLATED_VARIABLE, "yes")
+    warn_if_open(addresses)
     printed = capsys.readouterr().out
     assert printed.startswith(said)
     assert bool(printed) == bool(said)
@@ -84,14 +84,14 @@ def test_a_service_says_if_others_reach_it(
     ],
 )
 def test_a_host_is_a_name_or_an_address_and_nothing_else(text: str, host: str | None) -> None:
-    assert host_of(text) == host
-    assert host_of_origin(f"http://{text}") == host
+    assert parse_host(text) == host
+    assert parse_origin_host(f"http://{text}") == host
 
 
 def test_an_origin_is_a_web_pages() -> None:
-    assert host_of_origin("https://tigas.example:8443") == "tigas.example"
+    assert parse_origin_host("https://tigas.example:8443") == "tigas.example"
     for text in ("null", "", "localhost", "file://", "chrome-extension://abcdef", "https://a.example/page"):
-        assert host_of_origin(text) is None
+        assert parse_origin_host(text) is None
 
 
 @pytest.mark.parametrize(

@@ -14,10 +14,10 @@ import pytest
 from rich.table import Table
 
 from tests.command import tigas
-from tigas_common.cli import entries, in_a_sentence
+from tigas_common.cli import command_entry_points, report_errors
 from tigas_common.command import Command, Group, parameters
 from tigas_common.errors import StartError
-from tigas_common.installation import explained, install_command
+from tigas_common.installation import install_command, missing_module_error
 from tigas_common.terminal import LogFormatter, make_console, printable
 
 ROOT = Path(__file__).parents[2]
@@ -99,7 +99,10 @@ def test_every_command_says_which_extra_is_missing_in_a_sentence() -> None:
 
 
 def test_a_module_of_our_own_that_is_missing_is_no_missing_extra() -> None:
-    assert explained(ModuleNotFoundError("No module named 'tigas_common.x'", name="tigas_common.x"), ["dash"]) is None
+    assert (
+        missing_module_error(ModuleNotFoundError("No module named 'tigas_common.x'", name="tigas_common.x"), ["dash"])
+        is None
+    )
 
 
 def test_the_version_is_the_distributions() -> None:
@@ -119,7 +122,7 @@ MAX_PARAMETERS = 100
 
 def commands() -> dict[str, type[Command]]:
     found = {}
-    for name, point in entries().items():
+    for name, point in command_entry_points().items():
         loaded = point.load()
         if isinstance(loaded, Group):
             found.update({f"{name} {each}": command for each, command in loaded.commands.items()})
@@ -130,7 +133,7 @@ def commands() -> dict[str, type[Command]]:
 
 def test_help_lists_every_command_in_a_line() -> None:
     lines = tigas("--help").stdout.splitlines()
-    for name in entries():
+    for name in command_entry_points():
         assert sum(line.startswith(f"  {name} ") and line.endswith(".") for line in lines) == 1, name
 
 
@@ -214,6 +217,6 @@ def test_a_file_that_is_missing_is_named_in_plain_words() -> None:
 
 
 def test_an_expected_error_cannot_paint_the_terminal(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit, match="1"), in_a_sentence(StartError):
+    with pytest.raises(SystemExit, match="1"), report_errors(StartError):
         raise StartError(HOSTILE)
     assert SEEN in capsys.readouterr().err

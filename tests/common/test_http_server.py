@@ -23,7 +23,7 @@ from tests.prerequisites import LINUX
 from tigas_common.address import Address
 from tigas_common.limits import HttpLimits
 from tigas_common.runner import serve_http
-from tigas_common.web import ARRIVED
+from tigas_common.web import ARRIVAL_KEY
 from tigas_render.transport.certificate import Certificate
 
 pytestmark = pytest.mark.anyio
@@ -282,7 +282,7 @@ async def test_a_request_arrives_when_its_head_has_been_read() -> None:
     async def app(scope: Scope, receive: Receive, send: Send) -> None:
         began.set()
         await takes_the_body(scope, receive, send)
-        arrivals.append(scope["state"][ARRIVED])
+        arrivals.append(scope["state"][ARRIVAL_KEY])
 
     async with serve_http(app, HERE, HttpLimits()) as port, connected(port) as client:
         before = time.monotonic()

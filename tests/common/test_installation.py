@@ -12,7 +12,7 @@ import pytest
 
 from tigas_common import installation
 from tigas_common.errors import StartError
-from tigas_common.installation import COMMIT_VARIABLE, check_versions, install_command, require, this_commit
+from tigas_common.installation import COMMIT_VARIABLE, check_versions, install_command, require_extras, this_commit
 
 ROOT = Path(__file__).parents[2]
 
@@ -106,6 +106,6 @@ def test_in_the_environment_of_the_makefile_make_installs(monkeypatch: pytest.Mo
 
 def test_all_packages_that_are_missing_are_named_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     installed(monkeypatch, Installed())
-    require("render")
+    require_extras("render")
     with pytest.raises(StartError, match=r"^no-such is not installed: pip install 'tigas\[dash\]'$"):
-        require("dash")
+        require_extras("dash")

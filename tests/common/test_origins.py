@@ -19,9 +19,11 @@ from tigas_common.web import EXCEPTION_HANDLERS
 pytestmark = pytest.mark.anyio
 
 EMBEDDER = "https://page.example"
-LOCAL = OriginPolicy.of([Address("127.0.0.1", 8080), Address("localhost", 4433)], ["tigas.example"], [EMBEDDER])
-OPEN = OriginPolicy.of([Address("0.0.0.0", 8080)], ["tigas.example"], [EMBEDDER])
-STRICT = OriginPolicy.of([Address("127.0.0.1", 8090)], programs=False)
+LOCAL = OriginPolicy.from_addresses(
+    [Address("127.0.0.1", 8080), Address("localhost", 4433)], ["tigas.example"], [EMBEDDER]
+)
+OPEN = OriginPolicy.from_addresses([Address("0.0.0.0", 8080)], ["tigas.example"], [EMBEDDER])
+STRICT = OriginPolicy.from_addresses([Address("127.0.0.1", 8090)], programs=False)
 
 
 def refusal(policy: OriginPolicy, host: str, origin: str | None = None, *, changes: bool = True) -> type | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tigas_common import placement
-from tigas_common.placement import NARROW_S, WIDEN_S, Candidate, Placement, ranked
+from tigas_common.placement import NARROW_S, WIDEN_S, Candidate, Placement, rank_names
 
 NAMES = ("a", "b", "c", "d")
 SCENES = [f"scene {number}" for number in range(400)]
@@ -46,7 +46,7 @@ def test_all_who_decide_agree() -> None:
 
 
 def test_the_order_is_the_same_in_every_version() -> None:
-    assert ranked("garden", NAMES) == ranked("garden", NAMES[::-1]) == ("a", "c", "d", "b")
+    assert rank_names("garden", NAMES) == rank_names("garden", NAMES[::-1]) == ("a", "c", "d", "b")
 
 
 def test_places_get_about_as_many_scenes_each(placed: Placed) -> None:
@@ -63,7 +63,7 @@ def test_a_place_that_goes_moves_only_its_own_scenes(placed: Placed) -> None:
 
 
 def test_a_scene_whose_place_is_pressed_long_enough_gets_another(placed: Placed) -> None:
-    first, second, third, _ = ranked("garden", NAMES)
+    first, second, third, _ = rank_names("garden", NAMES)
     assert placed.asked(WIDEN_S - 0.2, up(first)) == [first]
     assert placed.asked(0.3, up(first)) == [first, second]
     assert placed.asked(10, up(first)) == [first, second], "the second has room"
@@ -71,21 +71,21 @@ def test_a_scene_whose_place_is_pressed_long_enough_gets_another(placed: Placed)
 
 
 def test_other_scenes_stay_where_they_are(placed: Placed) -> None:
-    first = ranked("garden", NAMES)[0]
-    elsewhere = next(scene for scene in SCENES if ranked(scene, NAMES)[0] != first)
+    first = rank_names("garden", NAMES)[0]
+    elsewhere = next(scene for scene in SCENES if rank_names(scene, NAMES)[0] != first)
     placed.asked(5, up(first))
-    assert placed.places(elsewhere, up(first)) == [ranked(elsewhere, NAMES)[0]]
+    assert placed.places(elsewhere, up(first)) == [rank_names(elsewhere, NAMES)[0]]
 
 
 def test_a_moment_of_pressure_widens_nothing(placed: Placed) -> None:
-    first = ranked("garden", NAMES)[0]
+    first = rank_names("garden", NAMES)[0]
     for _ in range(20):
         placed.asked(WIDEN_S / 2, up(first))
         assert placed.asked(0.1, up()) == [first]
 
 
 def test_pressure_before_a_pause_does_not_count(placed: Placed) -> None:
-    first = ranked("garden", NAMES)[0]
+    first = rank_names("garden", NAMES)[0]
     placed.places("garden", up(first))
     placed.now += 3600
     assert placed.places("garden", up(first)) == [first]
@@ -97,21 +97,21 @@ def test_a_scene_never_has_more_places_than_there_are(placed: Placed) -> None:
 
 
 def test_a_scene_is_narrow_again_after_a_calm_while(placed: Placed) -> None:
-    first, second, *_ = ranked("garden", NAMES)
+    first, second, *_ = rank_names("garden", NAMES)
     placed.asked(WIDEN_S + 0.2, up(first))
     assert placed.asked(NARROW_S - 1, up()) == [first, second]
     assert placed.asked(2, up()) == [first]
 
 
 def test_a_scene_that_nobody_asked_for_is_narrow_again(placed: Placed) -> None:
-    first = ranked("garden", NAMES)[0]
+    first = rank_names("garden", NAMES)[0]
     placed.asked(WIDEN_S + 0.2, up(first))
     placed.now += NARROW_S + 1
     assert placed.places("garden", up()) == [first]
 
 
 def test_a_scene_that_needs_two_places_does_not_lose_one_again_and_again(placed: Placed) -> None:
-    first = ranked("garden", NAMES)[0]
+    first = rank_names("garden", NAMES)[0]
     narrowed = 0
     before = [first]
     for _ in range(3600 * 2):  # an hour in which one place does not suffice, but two are at ease
@@ -123,9 +123,9 @@ def test_a_scene_that_needs_two_places_does_not_lose_one_again_and_again(placed:
 
 
 def test_a_scene_keeps_its_places_while_fewer_could_not_do_as_much(placed: Placed) -> None:
-    first, second, *_ = ranked("garden", NAMES)
+    first, second, *_ = rank_names("garden", NAMES)
     placed.asked(WIDEN_S + 0.2, up(first))
-    half_busy = [Candidate(name, at_ease=False) for name in NAMES]
+    half_busy = [Candidate(name, has_headroom=False) for name in NAMES]
     assert placed.asked(10 * NARROW_S, half_busy) == [first, second]
     assert placed.asked(NARROW_S + 1, up()) == [first]
 
@@ -134,6 +134,6 @@ def test_scenes_that_nobody_has_do_not_fill_the_memory(placed: Placed, monkeypat
     monkeypatch.setattr(placement, "MOST_SCENES", 10)
     for scene in SCENES:
         placed.places(scene, up(*NAMES))
-    first = ranked("garden", NAMES)[0]
+    first = rank_names("garden", NAMES)[0]
     assert len(placed.asked(WIDEN_S + 0.2, up(first))) == 2, "a scene that is asked for is remembered"
     assert len(placed._widths) <= 10

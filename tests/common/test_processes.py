@@ -15,7 +15,7 @@ import pytest
 
 from tigas_common import processes
 from tigas_common.errors import StartError
-from tigas_common.processes import BackOff, Service, end, keep_running, tigas
+from tigas_common.processes import Backoff, Service, keep_running, terminate, tigas_command
 
 STUBBORN = """
 import signal, subprocess, sys
@@ -35,7 +35,7 @@ def test_what_ends_when_it_is_asked_to_is_not_killed() -> None:
     assert process.stdout is not None
     with process.stdout as told:
         told.readline()
-        end(process, 10)
+        terminate(process, 10)
     assert process.returncode == -signal.SIGTERM
 
 
@@ -44,24 +44,24 @@ def test_what_does_not_end_is_killed_with_all_that_it_started() -> None:
     assert process.stdout is not None
     with process.stdout as told:
         child = psutil.Process(int(told.readline()))
-        end(process, 0.1)
+        terminate(process, 0.1)
     assert process.returncode == -signal.SIGKILL
     assert psutil.wait_procs([child], timeout=10)[1] == []
 
 
 def test_a_command_line_is_that_of_this_tigas() -> None:
-    done = subprocess.run(tigas("--help"), capture_output=True, text=True, check=True)
+    done = subprocess.run(tigas_command("--help"), capture_output=True, text=True, check=True)
     assert "render" in done.stdout
 
 
 def test_waits_grow_and_too_many_ends_are_the_last() -> None:
-    back_off = BackOff()
-    assert [back_off.ended(now) for now in (0, 10, 20, 30, 40)] == [0.5, 1, 2, 4, None]
+    back_off = Backoff()
+    assert [back_off.next_delay_s(now) for now in (0, 10, 20, 30, 40)] == [0.5, 1, 2, 4, None]
 
 
 def test_what_has_run_for_long_is_started_again_at_once() -> None:
-    back_off = BackOff()
-    assert [back_off.ended(now) for now in (0, 10, 100, 161)] == [0.5, 1, 0.5, 0.5]
+    back_off = Backoff()
+    assert [back_off.next_delay_s(now) for now in (0, 10, 100, 161)] == [0.5, 1, 0.5, 0.5]
 
 
 class Started:
@@ -83,7 +83,7 @@ WAITS = [sys.executable, "-c", "import signal; signal.pause()"]
 
 @pytest.fixture
 def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(BackOff, "FIRST_S", 0.02)
+    monkeypatch.setattr(Backoff, "FIRST_S", 0.02)
     monkeypatch.setattr(processes, "POLL_S", 0.01)
 
 

@@ -9,7 +9,7 @@ import httpx
 import pytest
 from starlette.types import Message
 
-from tigas_common.proxy import hand_back, unless
+from tigas_common.proxy import run_until, stream_response
 
 pytestmark = pytest.mark.anyio
 
@@ -40,7 +40,7 @@ async def test_what_nobody_takes_any_more_is_not_fetched() -> None:
             left.set()
 
     async with asyncio.timeout(30):
-        await hand_back(httpx.Response(200, stream=body), [], receive, send)
+        await stream_response(httpx.Response(200, stream=body), [], receive, send)
     assert parts < 10
     assert body.closed
 
@@ -60,11 +60,11 @@ async def test_work_and_its_end_cancel_each_other_but_a_future_is_left_alone() -
         return "done"
 
     gone: asyncio.Future[None] = asyncio.get_running_loop().create_future()
-    assert await unless(gone, work()) == "done"
+    assert await run_until(gone, work()) == "done"
     assert not gone.done()
-    assert await unless(endless("end"), work()) == "done"
+    assert await run_until(endless("end"), work()) == "done"
     asyncio.get_running_loop().call_soon(gone.set_result, None)
-    await unless(gone, endless("work"))
+    await run_until(gone, endless("work"))
     await asyncio.sleep(0)
     assert cancelled == ["end", "work"]
 
@@ -82,7 +82,7 @@ async def test_an_answer_that_comes_as_its_client_leaves_is_closed() -> None:
                 await asyncio.sleep(0)
             return httpx.Response(200, stream=body)
 
-        used = await unless(left.wait(), unless(never, ask())) is not None
+        used = await run_until(left.wait(), run_until(never, ask())) is not None
         await asyncio.sleep(0)
         return used or body.closed
 

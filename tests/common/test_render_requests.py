@@ -15,12 +15,12 @@ from tests.render.fakes import render_request
 from tests.scenes import ALONE
 from tigas_cluster.director import create_director
 from tigas_common.origins import OriginPolicy
-from tigas_common.placement import ranked
-from tigas_common.render_requests import DOUBT_S, LOOK_S, RenderClient, SceneHosts, retried
+from tigas_common.placement import rank_names
+from tigas_common.render_requests import HOST_RECHECK_S, HOST_REFRESH_S, RenderClient, SceneHosts, send_with_retries
 
 pytestmark = pytest.mark.anyio
 
-FIRST, SECOND = ranked("garden", ("a", "b"))
+FIRST, SECOND = rank_names("garden", ("a", "b"))
 
 
 class Cluster:
@@ -80,7 +80,7 @@ async def test_frames_come_from_the_scenes_host_and_the_director_is_asked_now_an
 ) -> None:
     assert [await cluster.frame(hosts) for _ in range(3)] == [FIRST] * 3
     assert cluster.asked == {"director": 1, FIRST: 3}
-    cluster.now += LOOK_S
+    cluster.now += HOST_REFRESH_S
     await cluster.frame(hosts)
     assert cluster.asked["director"] == 2
 
@@ -97,25 +97,25 @@ async def test_a_host_that_drains_is_left(cluster: Cluster, hosts: SceneHosts) -
     cluster.fleet.states = [
         replace(each, address=replace(each.address, draining=each.name == FIRST)) for each in cluster.fleet.states
     ]
-    cluster.now += LOOK_S
+    cluster.now += HOST_REFRESH_S
     assert await cluster.frame(hosts) == SECOND
 
 
 async def test_a_busy_host_is_left_only_when_it_is_full(cluster: Cluster, hosts: SceneHosts) -> None:
     await cluster.frame(hosts)
     cluster.busy = {FIRST}
-    cluster.now += DOUBT_S
+    cluster.now += HOST_RECHECK_S
     assert [await cluster.frame(hosts) for _ in range(5)] == [FIRST] * 5
     assert cluster.asked["director"] == 2  # not for every frame
     cluster.fleet.states = [host(FIRST, full=2.0), host(SECOND)]
-    cluster.now += DOUBT_S
+    cluster.now += HOST_RECHECK_S
     assert await cluster.frame(hosts) == SECOND
 
 
 async def test_frames_go_on_while_the_director_is_away(cluster: Cluster, hosts: SceneHosts) -> None:
     await cluster.frame(hosts)
     cluster.director_is_up = False
-    cluster.now += LOOK_S
+    cluster.now += HOST_REFRESH_S
     assert [await cluster.frame(hosts) for _ in range(3)] == [FIRST] * 3
     cluster.gone = {FIRST}
     with pytest.raises(httpx.ConnectError):
@@ -133,7 +133,7 @@ async def test_a_service_that_is_alone_is_asked_for_all_of_it(cluster: Cluster) 
         hosts = SceneHosts(http, lambda: cluster.now)
         for _ in range(3):
             await cluster.frame(hosts)
-            cluster.now += LOOK_S
+            cluster.now += HOST_REFRESH_S
     assert paths == ["/config.json", "/render", "/render", "/render"]
 
 
@@ -169,15 +169,15 @@ def busy(status: int = 503, **headers: str) -> httpx.Response:
 
 async def test_it_waits_as_long_as_the_service_says_within_reason(slept: list[float]) -> None:
     ask = answering(busy(retry_after="3"), busy(429, retry_after="600"), busy(409), busy(retry_after="soon"), busy(200))
-    assert (await retried(ask)).status_code == 200
+    assert (await send_with_retries(ask)).status_code == 200
     assert slept == [3, 10, 1, 1]
 
 
 async def test_what_stays_busy_has_the_last_word(slept: list[float]) -> None:
-    assert (await retried(answering(*[busy()] * 5))).status_code == 503
+    assert (await send_with_retries(answering(*[busy()] * 5))).status_code == 503
     assert len(slept) == 4
 
 
 async def test_other_refusals_are_final(slept: list[float]) -> None:
-    assert (await retried(answering(busy(404)))).status_code == 404
+    assert (await send_with_retries(answering(busy(404)))).status_code == 404
     assert slept == []

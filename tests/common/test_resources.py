@@ -117,7 +117,7 @@ def test_this_process_has_one_at_least() -> None:
 PROGRAM = """
 import threading
 from pathlib import Path
-from tigas_common.resources import give_back, keep_together
+from tigas_common.resources import release_memory, use_one_arena
 
 def resident():
     return int(Path("/proc/self/statm").read_text().split()[1]) * 4096
@@ -125,14 +125,14 @@ def resident():
 def use():
     [bytes(20_000) for _ in range(10_000)]
 
-keep_together()
+use_one_arena()
 before = resident()
 threads = [threading.Thread(target=use) for _ in range(4)]
 for thread in threads:
     thread.start()
 for thread in threads:
     thread.join()
-give_back()
+release_memory()
 print(resident() - before)
 """
 

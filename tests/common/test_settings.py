@@ -170,9 +170,9 @@ def test_a_mistyped_url_of_a_service_is_named(url: str) -> None:
 def test_limits_are_settings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "tigas.toml").write_text("[dash.http_limits]\nconnections = 3\n[render]\nidle_minutes = 1\n")
-    assert HttpLimits.of(load(DashSettings, {}).http_limits) == HttpLimits(connections=3)
+    assert HttpLimits.from_settings(load(DashSettings, {}).http_limits) == HttpLimits(connections=3)
     monkeypatch.setenv("TIGAS_RENDER_HTTP_LIMITS", '{"connections": 9}')
-    assert HttpLimits.of(load(RenderSettings, {}).http_limits) == HttpLimits(connections=9)
+    assert HttpLimits.from_settings(load(RenderSettings, {}).http_limits) == HttpLimits(connections=9)
 
 
 @pytest.mark.parametrize("table", ["http_limits.header_s", "quic_limits.idle_timeout"])

@@ -20,9 +20,9 @@ from tigas_common.topology import (
     WEBTRANSPORT,
     Port,
     ServiceName,
-    page_services,
-    reached,
-    upstreams,
+    reachable_services,
+    services_json,
+    upstreams_json,
 )
 
 ROOT = Path(__file__).parents[2]
@@ -57,7 +57,7 @@ def test_compose_publishes_ports_of_the_shaper_alone_and_its_api_on_this_host_on
 
 
 def test_compose_tells_the_services_where_the_others_are() -> None:
-    assert COMPOSE["render"]["environment"]["TIGAS_RENDER_SERVICES"] == page_services(shaped=True)
+    assert COMPOSE["render"]["environment"]["TIGAS_RENDER_SERVICES"] == services_json(shaped=True)
     handed_on = {
         "dash": f"http://{address('dash-packager')}:{DASH.number}",
         "store": f"http://{address('store')}:{STORE.number}",
@@ -87,7 +87,7 @@ NEAR: dict[ServiceName, str] = {"dash": "http://172.30.2.11:8081"}
 def test_a_page_is_told_a_url_that_it_gets_through_by(
     page: str, services: dict[str, str], upstreams: dict[ServiceName, str], url: str
 ) -> None:
-    assert reached(page, services, upstreams) == {"dash": url}
+    assert reachable_services(page, services, upstreams) == {"dash": url}
 
 
 @pytest.mark.parametrize(
@@ -103,7 +103,7 @@ def test_an_image_listens_where_it_is_looked_for(service: str, listens: dict[str
     stages = re.split(r"^FROM ", (ROOT / "Dockerfile").read_text(), flags=re.MULTILINE)
     (image,) = (stage for stage in stages if stage.startswith(f"service AS {COMPOSE[service]['build']['target']}\n"))
     assert dict(re.findall(r"(TIGAS_\w+)=(\S+:\d+)", image)) == {
-        name: str(port.everywhere) for name, port in listens.items()
+        name: str(port.all_interfaces) for name, port in listens.items()
     }
     ports = [*listens.values(), WEBRTC] if DASH in listens.values() else listens.values()  # one setting for both
     exposed = re.search(r"^EXPOSE (.*)$", image, re.MULTILINE)
@@ -114,6 +114,6 @@ def test_an_image_listens_where_it_is_looked_for(service: str, listens: dict[str
 
 
 def test_a_page_learns_of_no_store_where_none_runs() -> None:
-    assert "store" in json.loads(page_services(shaped=False))
-    assert set(json.loads(page_services(shaped=True, store=False))) == {"dash", "shaper"}
-    assert set(json.loads(upstreams(shaper_host="10.0.0.1", store=False))) == {"dash", "shaper"}
+    assert "store" in json.loads(services_json(shaped=False))
+    assert set(json.loads(services_json(shaped=True, store=False))) == {"dash", "shaper"}
+    assert set(json.loads(upstreams_json(shaper_host="10.0.0.1", store=False))) == {"dash", "shaper"}

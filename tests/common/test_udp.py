@@ -14,16 +14,16 @@ from typing import Any
 import pytest
 
 from tigas_common.udp import (
-    BATCHES_AGAIN_S,
+    BATCH_RETRY_S,
     MAX_BATCH,
     MAX_SEGMENTS,
     SO_TIMESTAMPNS,
     Address,
     UdpEndpoint,
-    arrival,
-    batches,
+    arrival_time,
     bind,
-    stamp_ns,
+    group_datagrams,
+    kernel_timestamp_ns,
 )
 
 pytestmark = pytest.mark.anyio
@@ -180,7 +180,7 @@ async def test_a_small_path_mtu_spoils_no_other_clients_batches(pair: Pair) -> N
     assert await other.delivered() == await pair.delivered() == [*payloads, *payloads]
     assert len(pair.refusals) == 1, "the address is spared further batches for a while"
     assert pair.socket.batches == 3, "one refused, two sent"
-    pair.now += BATCHES_AGAIN_S
+    pair.now += BATCH_RETRY_S
     pair.socket.small_path = None
     pair.sender.send([(payload, other.address) for payload in payloads])
     assert pair.socket.batches == 4, "its path is better now"
@@ -214,12 +214,12 @@ A, B = ("192.0.2.1", 1), ("192.0.2.1", 2)
     ],
 )
 def test_a_batch_has_one_size_but_for_its_last(sizes: list[int], expected: list[list[int]]) -> None:
-    result = list(batches([(bytes(size), A) for size in sizes]))
+    result = list(group_datagrams([(bytes(size), A) for size in sizes]))
     assert [[len(data) for data in batch] for batch, _ in result] == expected
 
 
 def test_a_batch_has_one_address() -> None:
-    result = list(batches([(b"1", A), (b"2", B), (b"3", B), (b"4", A)]))
+    result = list(group_datagrams([(b"1", A), (b"2", B), (b"3", B), (b"4", A)]))
     assert result == [([b"1"], A), ([b"2", b"3"], B), ([b"4"], A)]
 
 
@@ -238,9 +238,9 @@ REAL = 1_800_000_000_000_000_000
     ids=["it waited", "it did not", "no stamp", "the clock was set back", "the clock was set forward"],
 )
 def test_when_a_datagram_arrived(stamp: int | None, arrived: float) -> None:
-    assert arrival(stamp, REAL, now=1000.0, empty_at=990.0) == pytest.approx(arrived)
+    assert arrival_time(stamp, REAL, now=1000.0, empty_at=990.0) == pytest.approx(arrived)
 
 
 def test_the_stamp_is_found_among_other_messages() -> None:
     stamp = (socket.SOL_SOCKET, SO_TIMESTAMPNS, struct.pack("@ll", 12, 34))
-    assert stamp_ns([(socket.IPPROTO_IP, 1, b"other"), stamp]) == 12_000_000_034
+    assert kernel_timestamp_ns([(socket.IPPROTO_IP, 1, b"other"), stamp]) == 12_000_000_034

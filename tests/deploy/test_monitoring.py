@@ -121,7 +121,7 @@ def test_every_container_with_figures_is_asked_where_it_answers() -> None:
         "store": [f"store:{STORE.number}"],
         "shaper": [f"shaper:{SHAPER.number}"],
     }
-    policy = OriginPolicy.of([PAGE.everywhere])
+    policy = OriginPolicy.from_addresses([PAGE.all_interfaces])
     for (target,) in targets.values():
         assert "services" in CONTAINERS[target.partition(":")[0]]["networks"]
         policy.check(target, None, changes=False)

@@ -18,7 +18,7 @@ from tests.cluster.hosts import load
 from tests.command import tigas as in_process
 from tests.enhance.synthetic import HEIGHT, LOW, QUALITY, WIDTH, as_jpeg, view
 from tests.enhance.test_pairs import scene
-from tigas_common.processes import tigas
+from tigas_common.processes import tigas_command
 from tigas_common.weights import FILE, read_weights
 from tigas_common.wire.render import RenderRequest, Rung
 
@@ -110,7 +110,7 @@ def test_networks_are_trained_and_evaluated(server: ThreadingHTTPServer, options
 def test_a_training_that_is_killed_leaves_the_weights_that_there_were(options: list[str], tmp_path: Path) -> None:
     file = tmp_path / "garden" / FILE
     file.write_bytes(b"the old ones")
-    command = tigas("enhance", "train", "garden", *options, "--seconds", "600", "--json")
+    command = tigas_command("enhance", "train", "garden", *options, "--seconds", "600", "--json")
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         try:

@@ -16,7 +16,7 @@ from tests import scenes
 from tests.prerequisites import SETPRIV
 from tigas_common.errors import StartError
 from tigas_common.pose import Pose
-from tigas_common.render_requests import render_service
+from tigas_common.render_requests import run_render_service
 from tigas_common.sample_cameras import NEAR, NEAR_DEGREES
 from tigas_common.wire.render import SceneInfo, StartCamera
 from tigas_enhance.pairs import MOST_HELD_OUT, held_out_views, training_views
@@ -71,8 +71,8 @@ def test_a_scene_without_a_start_camera_has_no_views() -> None:
 
 TRAINING = """
 import time
-from tigas_common.render_requests import render_service
-with render_service("cpu") as url:
+from tigas_common.render_requests import run_render_service
+with run_render_service("cpu") as url:
     print(url, flush=True)
     time.sleep(600)
 """
@@ -102,6 +102,6 @@ def test_one_that_does_not_start_says_why(tmp_path: Path, monkeypatch: pytest.Mo
     monkeypatch.setenv("TIGAS_RENDER_SCENES", str(tmp_path / "nowhere"))
     with (
         pytest.raises(StartError, match=r"^The render service did not start: .*nowhere"),
-        render_service("cpu"),
+        run_render_service("cpu"),
     ):
         pass

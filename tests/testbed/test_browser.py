@@ -22,8 +22,8 @@ from tests.web.conftest import CHROMIUM_ARGS, DESKTOP, PATIENCE
 from tests.web.modes import wait_for_stream
 from tests.web.scenes import write_scenes
 from tests.web.stage import SCENE, frames, wait_for_frames
-from tigas_common.processes import STOP_S, end
-from tigas_common.topology import DASH, PAGE, PAGE_ORIGINS, SERVICES_VARIABLE, Port, page_services
+from tigas_common.processes import STOP_S, terminate
+from tigas_common.topology import DASH, PAGE, PAGE_ORIGINS, SERVICES_VARIABLE, Port, services_json
 from tigas_common.wire.shaper import LinkSetting
 from tigas_shaper.traces.trace import NetworkTrace
 from tigas_testbed.namespaces import Lab
@@ -46,7 +46,7 @@ def render(lab: Lab, tmp_path: Path) -> Iterator[None]:
     write_scenes(tmp_path)
     tmp_path.chmod(0o755)  # the service's user is another one
     runner = Runner(lab, NOBODY, [tmp_path])
-    services = {SERVICES_VARIABLE: page_services(shaped=True)}
+    services = {SERVICES_VARIABLE: services_json(shaped=True)}
     started = (
         runner.start(runner.service(render_command(tmp_path)), services),
         runner.start(runner.service(dash_command())),
@@ -56,7 +56,7 @@ def render(lab: Lab, tmp_path: Path) -> Iterator[None]:
         yield
     finally:
         for process in started:
-            end(process, STOP_S)
+            terminate(process, STOP_S)
 
 
 def answers(lab: Lab, port: Port) -> bool:

@@ -20,7 +20,7 @@ from tests.prerequisites import FREE_LAB
 from tests.render.scenes import made_up
 from tests.render.uploads.client import begin, part
 from tigas_common.files import NOBODY
-from tigas_common.processes import tigas
+from tigas_common.processes import tigas_command
 from tigas_common.resources import CAP_NET_ADMIN
 from tigas_common.topology import DASH, PAGE, PAGE_HTTPS, PAGE_ORIGINS, SHAPER, STORE
 from tigas_testbed.namespaces import ROLES, Lab, Role
@@ -71,7 +71,7 @@ def up(tmp_path: Path) -> Iterator[subprocess.Popen[bytes]]:
     """A lab, once its page is served. Its directories are the test's own."""
     FREE_LAB.require()
     tmp_path.chmod(0o755)  # the services' user is another one
-    argv = tigas("lab", "up", "--https", f"127.0.0.1:{PAGE_HTTPS.number}")
+    argv = tigas_command("lab", "up", "--https", f"127.0.0.1:{PAGE_HTTPS.number}")
     process = subprocess.Popen(argv, cwd=tmp_path)
     try:
         wait_until(lambda: process.poll() is None and serves(), 90)
@@ -85,14 +85,14 @@ def up(tmp_path: Path) -> Iterator[subprocess.Popen[bytes]]:
 def test_a_lab_comes_up_for_this_machine_and_goes_even_after_a_kill(
     up: subprocess.Popen[bytes], tmp_path: Path
 ) -> None:
-    exec_client = tigas("lab", "exec", "client", "ip", "-br", "link", "show", "access")
+    exec_client = tigas_command("lab", "exec", "client", "ip", "-br", "link", "show", "access")
     assert "access@" in subprocess.run(exec_client, check=True, capture_output=True, text=True).stdout
     wait_until(lambda: all(map(serves, (DASH.number, SHAPER.number, STORE.number))))
     assert (tmp_path / "results").is_dir()
     set_link(down_kbps=10_000, up_kbps=10_000, delay_ms=DELAY_MS)
     for service in ("dash", "store", "shaper"):
         assert asked_over_https(service) > 2 * DELAY_MS / 1000, "it did not cross the link"
-    second = subprocess.run(tigas("lab", "up"), capture_output=True, text=True)
+    second = subprocess.run(tigas_command("lab", "up"), capture_output=True, text=True)
     assert (second.returncode, second.stderr) == (1, "The lab is already up; stop it with `tigas lab down`.\n")
     pids = [pid for role in ROLES for pid in LAB.processes(role)]
     assert pids
@@ -100,7 +100,7 @@ def test_a_lab_comes_up_for_this_machine_and_goes_even_after_a_kill(
     up.wait()
     wait_until(lambda: not any(LAB.processes(role) for role in ROLES))
     assert not serves()
-    subprocess.run(tigas("lab", "down"), check=True)
+    subprocess.run(tigas_command("lab", "down"), check=True)
     assert left() == []
 
 

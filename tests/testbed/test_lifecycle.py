@@ -19,7 +19,7 @@ from tests.eventually import wait_until
 from tests.testbed.conftest import ip_forward, left_behind, remove_abandoned, shaper
 from tests.testbed.inside import GATEWAY, echo_server, udp
 from tigas_common.errors import StartError, UsageError
-from tigas_common.processes import tigas
+from tigas_common.processes import tigas_command
 from tigas_common.topology import SHAPER
 from tigas_testbed.cli import _told_to_stop
 from tigas_testbed.namespaces import Lab
@@ -187,7 +187,7 @@ ANYWHERE = {"TIGAS_DASH_HTTP": "127.0.0.1:0", "TIGAS_STORE_HTTP": "127.0.0.1:0"}
 @pytest.fixture
 def demo(tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
     """Started on free ports, with results in a temporary directory."""
-    argv = tigas("demo", "--", "--http", "127.0.0.1:0", "--quic", "127.0.0.1:0")
+    argv = tigas_command("demo", "--", "--http", "127.0.0.1:0", "--quic", "127.0.0.1:0")
     with subprocess.Popen(argv, cwd=tmp_path, env=os.environ | ANYWHERE, stderr=subprocess.PIPE, text=True) as process:
         try:
             yield process
@@ -215,7 +215,7 @@ def test_a_service_that_is_killed_comes_back_and_all_end_together(demo: subproce
 
 
 def test_wrong_options_end_it_with_the_service_s_own_sentence() -> None:
-    argv = tigas("demo", "--", "--scenes", "/nowhere")
+    argv = tigas_command("demo", "--", "--scenes", "/nowhere")
     run = subprocess.run(argv, env=os.environ | ANYWHERE, capture_output=True, text=True, timeout=60)
     assert run.returncode == 1
     assert "/nowhere" in run.stderr

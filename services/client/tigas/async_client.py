@@ -16,9 +16,9 @@ from pydantic import TypeAdapter, ValidationError
 from tigas.errors import ClientError, Refused, Unreachable
 from tigas.frame import Frame, View, read_timing
 from tigas.http3_hosts import Http3Hosts
-from tigas_common.parsing import sentence
+from tigas_common.parsing import describe_error
 from tigas_common.pose import Pose
-from tigas_common.render_requests import SceneHosts, retried
+from tigas_common.render_requests import SceneHosts, send_with_retries
 from tigas_common.sample_cameras import intrinsics as lens
 from tigas_common.wire.render import Problem, RenderRequest, SceneInfo, ServerConfig
 
@@ -120,7 +120,7 @@ class AsyncClient:
                 format=view.get("format", "jpeg"),
             )
         except ValidationError as error:
-            raise ValueError(sentence(error)) from None
+            raise ValueError(describe_error(error)) from None
         body = request.model_dump_json(exclude_none=True)
         async with self._turns:
             answer = await self._ask(lambda: self._post(scene, body))
@@ -149,7 +149,7 @@ class AsyncClient:
     async def _ask(self, ask: Callable[[], Awaitable[httpx.Response]]) -> httpx.Response:
         """The service's answer, after retries while it is busy."""
         try:
-            answer = await retried(ask)
+            answer = await send_with_retries(ask)
         except RuntimeError:  # raised by httpx if the client is closed
             if not self._http.is_closed:
                 raise

@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any
 
 from tigas.client import Client
 from tigas_common.errors import StartError
-from tigas_common.installation import explained, require
-from tigas_common.processes import STOP_S, running, tigas
+from tigas_common.installation import missing_module_error, require_extras
+from tigas_common.processes import STOP_S, run_process, tigas_command
 
 if TYPE_CHECKING:
     from tigas.widget import Viewer
@@ -60,7 +60,7 @@ def show(
     try:
         from tigas.widget import Viewer
     except ModuleNotFoundError as error:
-        if (why := explained(error, ["notebook"])) is None:
+        if (why := missing_module_error(error, ["notebook"])) is None:
             raise
         raise ImportError(str(why)) from None
     if server is None:
@@ -86,7 +86,7 @@ class OwnService:
 
     def __init__(self) -> None:
         """Start the service. Raises StartError."""
-        require("render")
+        require_extras("render")
         self._scenes = TemporaryDirectory(prefix="tigas-scenes-")
         self._ids: dict[Path, str] = {}
         self._url = Future[str]()
@@ -133,12 +133,12 @@ class OwnService:
 
     def _run(self) -> None:
         """Run the process, which ends with this thread at the latest."""
-        argv = tigas("render", "--http", "127.0.0.1:0", "--quic", "localhost:0", "--scenes", self._scenes.name)
+        argv = tigas_command("render", "--http", "127.0.0.1:0", "--quic", "localhost:0", "--scenes", self._scenes.name)
         environment = os.environ | {"PYTHONUNBUFFERED": "1"}
         with ExitStack() as stack:
             options = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "env": environment}
             try:
-                self._process = process = stack.enter_context(running(argv, STOP_S, **options))
+                self._process = process = stack.enter_context(run_process(argv, STOP_S, **options))
             except OSError as error:
                 self._url.set_exception(StartError(f"The render service cannot be started: {error}."))
                 return

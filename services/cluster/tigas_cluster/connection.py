@@ -22,7 +22,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from tigas_common.address import Address, host_of
+from tigas_common.address import Address, parse_host
 from tigas_common.errors import StartError
 from tigas_common.installation import install_command
 
@@ -184,7 +184,7 @@ def configured_address() -> str | None:
         head = Address.parse(address)
     except ValueError:
         head = None
-    if head is None or host_of(address) is None:
+    if head is None or parse_host(address) is None:
         raise StartError(f"{ADDRESS} must be the head's HOST:PORT, such as 10.0.0.1:6379, not {address[:100]!r}.")
     try:
         socket.create_connection((head.host, head.port), CONNECT_TIMEOUT_S).close()  # Ray would try for minutes

@@ -19,10 +19,10 @@ from tigas_cluster.fleet import Fleet, HostState
 from tigas_cluster.host_proxy import HostProxy, NoHost
 from tigas_cluster.policy import HostChooser
 from tigas_common.errors import InvalidRequest
-from tigas_common.metrics import CountedRequests, labelled_gauge, metrics_route, new_registry
+from tigas_common.metrics import RequestMetrics, labelled_gauge, metrics_route, new_registry
 from tigas_common.openapi import openapi
 from tigas_common.origins import OriginCheck, OriginPolicy
-from tigas_common.topology import fitted
+from tigas_common.topology import resolve_service_url
 from tigas_common.web import (
     EXCEPTION_HANDLERS,
     JSON,
@@ -81,7 +81,7 @@ async def create_director(
     app.state.proxy = proxy
     app.router.default = proxy
     try:
-        yield CountedRequests(OriginCheck(app, origins), app.routes, registry)
+        yield RequestMetrics(OriginCheck(app, origins), app.routes, registry)
     finally:
         await proxy.close()
 
@@ -132,7 +132,7 @@ class Director:
                 "host": host.name,
                 "render_url": host.render_url,
                 "https_url": None,
-                "services": {name: fitted(url, page_host) for name, url in self._services.items()},
+                "services": {name: resolve_service_url(url, page_host) for name, url in self._services.items()},
                 "dash_h3_url": None,  # each host has its own packager
                 "max_upload_bytes": None,  # data stored by one host is missing on the others
             }

@@ -11,7 +11,7 @@ from urllib.parse import urlsplit
 
 import httpx
 
-from tigas_common.address import bracketed
+from tigas_common.address import bracket_host
 from tigas_common.errors import TigasError
 from tigas_common.parsing import parse
 from tigas_common.wire.render import HostLoad
@@ -47,7 +47,7 @@ class HostAddress:
     def public_address(self) -> str:
         """HOST:PORT of its API, as used by pages."""
         url = urlsplit(self.api_url)
-        host = bracketed(self.public_host or url.hostname or "localhost")
+        host = bracket_host(self.public_host or url.hostname or "localhost")
         return f"{host}:{url.port}" if url.port else host
 
 

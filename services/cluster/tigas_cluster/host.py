@@ -13,7 +13,7 @@ from typing import IO, TypedDict
 
 from tigas_common.address import Address, is_address, is_loopback
 from tigas_common.errors import StartError
-from tigas_common.processes import Service, keep_running, tigas, with_parent
+from tigas_common.processes import Service, end_with_parent, keep_running, tigas_command
 
 VIEWER_ADDRESS_VARIABLE = "TIGAS_VIEWER_ADDRESS"
 """Environment variable of a machine that viewers reach under another name or address than the cluster does."""
@@ -61,7 +61,9 @@ class Host:
         http, quic = Address(everywhere, http_port), Address(everywhere, quic_port)
         named = () if is_address(self._viewer_address) else ("--allow-host", self._viewer_address)
         fixed = ("--no-edit-scenes",)  # data stored by one host is missing on the others
-        self._command = with_parent(tigas("render", "--http", str(http), "--quic", str(quic), *fixed, *named, *options))
+        self._command = end_with_parent(
+            tigas_command("render", "--http", str(http), "--quic", str(quic), *fixed, *named, *options)
+        )
         self._since = time.time()
         self._render = _RenderOutput()
         self._failure: str | None = None

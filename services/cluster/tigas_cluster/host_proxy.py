@@ -16,8 +16,15 @@ from tigas_cluster.fleet import Fleet, HostState
 from tigas_common.errors import Overloaded, TigasError
 from tigas_common.limits import ConcurrencyLimit
 from tigas_common.parsing import MAX_BODY, parse
-from tigas_common.placement import merged_scenes, ranked
-from tigas_common.proxy import ask, client_of, hand_back, headers_of, unless, until_left
+from tigas_common.placement import merge_scene_lists, rank_names
+from tigas_common.proxy import (
+    client_key,
+    forward,
+    response_headers,
+    run_until,
+    stream_response,
+    wait_for_disconnect,
+)
 from tigas_common.web import page_policy, read_body
 from tigas_common.wire.render import SceneInfo
 
@@ -53,7 +60,7 @@ class NoHost(Overloaded):
 
 def _headers(answer: httpx.Response) -> list[tuple[bytes, bytes]]:
     """Headers of a host's answer, with the director's policy for pages."""
-    headers = headers_of(answer)
+    headers = response_headers(answer)
     content_type = Headers(raw=headers).get("content-type", "")
     if not content_type.startswith("text/javascript"):  # scripts have the same policy on all hosts
         headers = [each for each in headers if each[0] != b"content-security-policy"]
@@ -77,11 +84,11 @@ class HostProxy:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Forward a request. Raises NoHost and HostsBusy."""
-        with self._running.one_more(client_of(scope), HostsBusy()):
+        with self._running.acquire(client_key(scope), HostsBusy()):
             body = await read_body(Request(scope, receive), MAX_BODY)
-            answer = await unless(until_left(receive), self._try_hosts(scope, body))
+            answer = await run_until(wait_for_disconnect(receive), self._try_hosts(scope, body))
             if answer is not None:
-                await hand_back(answer, _headers(answer), receive, send)
+                await stream_response(answer, _headers(answer), receive, send)
 
     async def _try_hosts(self, scope: Scope, body: bytes) -> httpx.Response:
         for host in self._rank_hosts(scope["path"], Request(scope).query_params.get("host")):
@@ -97,7 +104,7 @@ class HostProxy:
         answered = [each for each in lists if each is not None]
         if not answered:
             raise NoHost
-        return merged_scenes(answered)
+        return merge_scene_lists(answered)
 
     async def unload(self, scene: str) -> httpx.Response:
         """Unload a scene on all hosts. Returns the answer of a host that refused, or the last one. Raises NoHost."""
@@ -126,14 +133,14 @@ class HostProxy:
         hosts = {host.name: host for host in self._fleet.hosts()}
         parts = path.split("/")
         scene = parts[2] if len(parts) > 2 and parts[1] == "scenes" else ""
-        order = [hosts[name] for name in ranked(scene, tuple(hosts))]
+        order = [hosts[name] for name in rank_names(scene, tuple(hosts))]
         return sorted(order, key=lambda host: (host.name != wanted, host.draining))
 
     async def _answer(self, host: HostState, scope: Scope, body: bytes) -> httpx.Response | None:
         """A host's answer; None if the host is lost before it answers."""
         try:
-            asking = ask(self._transport, host.address.api_url, scope, body, ORIGIN_HEADERS)
-            return await unless(self._wait_until_lost(host), asking)
+            asking = forward(self._transport, host.address.api_url, scope, body, ORIGIN_HEADERS)
+            return await run_until(self._wait_until_lost(host), asking)
         except httpx.PoolTimeout:
             raise HostsBusy from None
         except httpx.TransportError:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from tigas_cluster.fleet import HostState
 from tigas_cluster.settings import HostRange
-from tigas_common.placement import Candidate, Placement, ranked
+from tigas_common.placement import Candidate, Placement, rank_names
 
 COUNT_DELAY_S = 2.0
 """Seconds until a viewer sent to a host appears in the host's own count."""
@@ -56,7 +56,7 @@ class HostChooser:
             return min(usable, key=lambda host: host.retry_after_s or 0.0)
         # If none of the scene's places can take it, all viewers fall back to the same host.
         of_scene = [host for host in taking if host.name in places]
-        order = ranked(scene, tuple(host.name for host in taking))
+        order = rank_names(scene, tuple(host.name for host in taking))
         chosen = min(
             of_scene or [host for host in taking if host.name == order[0]],
             key=lambda host: (host.viewers + self._count_pending(host.name), order.index(host.name)),

@@ -17,12 +17,12 @@ from tigas_cluster.fleet import Fleet
 from tigas_cluster.policy import Scaler
 from tigas_cluster.ray_fleet import RayFleet
 from tigas_cluster.settings import ClusterSettings
-from tigas_common.address import bracketed, say_if_open
+from tigas_common.address import bracket_host, warn_if_open
 from tigas_common.limits import HttpLimits
 from tigas_common.loop_share import LoopShare
 from tigas_common.origins import OriginPolicy
-from tigas_common.processes import terminated_as_interrupted
-from tigas_common.runner import explained, serve_listener, until_stopped
+from tigas_common.processes import interrupt_on_sigterm
+from tigas_common.runner import listen_errors, serve_listener, wait_for_stop
 from tigas_common.terminal import printable
 
 if TYPE_CHECKING:
@@ -36,9 +36,9 @@ STOP_TIMEOUT_S = 4.5
 def up(settings: ClusterSettings, render_options: Sequence[str]) -> None:
     """Run the cluster until SIGINT or SIGTERM. Raises StartError."""
     address = configured_address()
-    with explained(settings.http, "--http"):
-        listener = settings.http.listen(HttpLimits.of(settings.http_limits).unread_s)
-    with listener, terminated_as_interrupted():
+    with listen_errors(settings.http, "--http"):
+        listener = settings.http.listen(HttpLimits.from_settings(settings.http_limits).unread_s)
+    with listener, interrupt_on_sigterm():
         if address is not None:
             _run(settings, render_options, listener, address, None, ExitStack())
             return
@@ -89,9 +89,9 @@ def _run(
 async def _serve(
     settings: ClusterSettings, cluster: RayCluster, listener: socket.socket, own: PrivateRay | None
 ) -> None:
-    stopped = asyncio.create_task(until_stopped())
+    stopped = asyncio.create_task(wait_for_stop())
     scaler = Scaler(settings.hosts, 60 * settings.calm_minutes, 60 * settings.grace_minutes, time.monotonic)
-    origins = OriginPolicy.of([settings.http], settings.allow_hosts, settings.allow_origins)
+    origins = OriginPolicy.from_addresses([settings.http], settings.allow_hosts, settings.allow_origins)
     async with (
         Fleet((), time.monotonic) as fleet,
         RayFleet(cluster, scaler, fleet, time.monotonic, _say) as hosts,
@@ -102,13 +102,13 @@ async def _serve(
                 serve_listener(
                     LoopShare(app, settings.http_limits.loop_share_per_address, origins),
                     listener,
-                    HttpLimits.of(settings.http_limits),
+                    HttpLimits.from_settings(settings.http_limits),
                 ) as port,
             ):
                 await asyncio.wait((stopped, hosts.ready), return_when=asyncio.FIRST_COMPLETED)
                 if hosts.ready.done():
                     hosts.ready.result()
-                    say_if_open([settings.http])
+                    warn_if_open([settings.http])
                     _say(f"Open http://{settings.http.reachable_host}:{port}/")
                 await stopped
         finally:
@@ -137,6 +137,6 @@ def _page_origins(settings: ClusterSettings, port: int, names: Sequence[str]) ->
     at_port = "" if port == 80 else f":{port}"
     own = () if settings.http.is_loopback else (settings.http.reachable_host, socket.gethostname(), *names)
     for name in dict.fromkeys(("localhost", LOOPBACK, *own)):
-        yield f"http://{bracketed(name)}{at_port}"
+        yield f"http://{bracket_host(name)}{at_port}"
     for name in settings.allow_hosts:  # a proxy in front of the director may speak TLS
         yield f"https://{name}"

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 
-ISOLATED = "TIGAS_ISOLATED"
+ISOLATED_VARIABLE = "TIGAS_ISOLATED"
 """Environment variable set for services in a private network namespace, where every address is local."""
 
 _NAME = r"(?P<name>\[[0-9a-f:.]+\]|[0-9a-z._-]+)(:[0-9]{1,5})?"
@@ -42,7 +42,7 @@ class Address:
         return cls(host, int(port))
 
     def __str__(self) -> str:
-        return f"{bracketed(self.host)}:{self.port}"
+        return f"{bracket_host(self.host)}:{self.port}"
 
     @property
     def is_loopback(self) -> bool:
@@ -54,7 +54,7 @@ class Address:
         """The host name to use in URLs shown to people on this machine."""
         if self.is_loopback or self.host in ("0.0.0.0", "::"):
             return "localhost"
-        return bracketed(self.host)
+        return bracket_host(self.host)
 
     def listen(self, unread_s: float) -> socket.socket:
         """A listening TCP socket.
@@ -77,37 +77,37 @@ class Address:
         return listener
 
 
-def say_if_open(addresses: Iterable[Address]) -> None:
+def warn_if_open(addresses: Iterable[Address]) -> None:
     """Print a warning if other machines can reach a service on these addresses."""
-    if warning := warning_if_open(addresses):
+    if warning := open_warning(addresses):
         print(warning)
 
 
-def warning_if_open(addresses: Iterable[Address]) -> str | None:
+def open_warning(addresses: Iterable[Address]) -> str | None:
     """The warning about a service that other machines can reach, or None."""
-    opened = " and ".join(map(str, reached_by_others(addresses)))
+    opened = " and ".join(map(str, reachable_addresses(addresses)))
     return (
         f"Open to the network on {opened}: any machine that reaches this one can use this service." if opened else None
     )
 
 
-def reached_by_others(addresses: Iterable[Address]) -> list[Address]:
+def reachable_addresses(addresses: Iterable[Address]) -> list[Address]:
     """The addresses that other machines can reach."""
-    return [] if ISOLATED in os.environ else [address for address in addresses if not address.is_loopback]
+    return [] if ISOLATED_VARIABLE in os.environ else [address for address in addresses if not address.is_loopback]
 
 
-def bracketed(host: str) -> str:
+def bracket_host(host: str) -> str:
     """A host as written in URLs, with IPv6 addresses in brackets."""
     return f"[{host}]" if ":" in host else host
 
 
-def host_of(text: str) -> str | None:
+def parse_host(text: str) -> str | None:
     """The host of `HOST` or `HOST:PORT`, in lower case and without brackets; None if the text is neither."""
     return _name(_HOST, text)
 
 
-def host_of_origin(text: str) -> str | None:
-    """The host of an origin, `http://HOST:PORT`, as in `host_of`; None for `null` and other non-origins."""
+def parse_origin_host(text: str) -> str | None:
+    """The host of an origin, `http://HOST:PORT`, as in `parse_host`; None for `null` and other non-origins."""
     return _name(_ORIGIN, text)
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 from tigas_common.command import Command, Group, list_commands, parse, summary
 from tigas_common.errors import StartError, TigasError, UsageError
-from tigas_common.installation import PROJECT, explained
+from tigas_common.installation import PROJECT, missing_module_error
 from tigas_common.terminal import LogFormatter, printable
 
 COMMANDS = "tigas.commands"
@@ -21,7 +21,7 @@ HELP = "Walk through 3D Gaussian Splatting scenes, one JPEG per pose over HTTP/3
 
 
 @contextmanager
-def in_a_sentence(*expected: type[Exception]) -> Iterator[None]:
+def report_errors(*expected: type[Exception]) -> Iterator[None]:
     """Print expected errors as one sentence and exit with status 1."""
     try:
         yield
@@ -44,14 +44,14 @@ def log_to_stdout(level: int = logging.INFO) -> None:
     logging.basicConfig(level=level, handlers=[handler])
 
 
-def entries() -> dict[str, EntryPoint]:
+def command_entry_points() -> dict[str, EntryPoint]:
     """The entry points of all installed commands and groups, by name."""
     return {point.name: point for point in sorted(entry_points(group=COMMANDS), key=lambda point: point.name)}
 
 
-def settings_of(service: str, arguments: Sequence[str] = ()) -> Any:
+def load_settings(service: str, arguments: Sequence[str] = ()) -> Any:
     """The settings that a service's command would use, given these arguments. Raises UsageError."""
-    return parse(entries()[service].load(), f"{PROJECT} {service}", arguments)
+    return parse(command_entry_points()[service].load(), f"{PROJECT} {service}", arguments)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -69,7 +69,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def _run(arguments: Sequence[str]) -> None:
     name, *more = arguments or ["--help"]
-    points = entries()
+    points = command_entry_points()
     if name == "--version":
         print(f"{PROJECT} {distribution(PROJECT).version}")
     elif name in ("-h", "--help"):
@@ -88,10 +88,10 @@ def _run_entry(point: EntryPoint, arguments: Sequence[str]) -> None:
         prog = f"{PROJECT} {point.name}"
         if isinstance(command, Group):
             command, prog, arguments = command.select(prog, arguments)
-        with in_a_sentence(StartError, TigasError, OSError):
+        with report_errors(StartError, TigasError, OSError):
             parse(command, prog, arguments).run()
     except ModuleNotFoundError as error:
-        if (sentence := explained(error, point.extras)) is None:
+        if (sentence := missing_module_error(error, point.extras)) is None:
             raise
-        with in_a_sentence(StartError):
+        with report_errors(StartError):
             raise sentence from None

@@ -29,7 +29,7 @@ def open_regular(path: Path, *, follow: bool = True) -> BufferedReader:
 
     Raises OSError, also for a pipe, a socket, a device or a folder, and for a link if `follow` is false.
     """
-    opener = _open if follow else _open_itself
+    opener = _open if follow else _open_no_follow
     file = open(path, "rb", opener=opener)  # noqa: SIM115 - the caller's to close
     if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
         file.close()
@@ -46,13 +46,13 @@ def read_regular(path: Path, limit: int, *, follow: bool = True) -> bytes:
         return file.read(size)  # `read` allocates all of this at once
 
 
-def check_room(directory: Path, needed: int) -> None:
+def check_free_space(directory: Path, needed: int) -> None:
     """Check that a disk has room for this many bytes and a reserve. Raises OSError."""
     if needed > shutil.disk_usage(directory).free - SPARE_BYTES:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(directory))
 
 
-def to_disk(path: Path) -> None:
+def flush_tree(path: Path) -> None:
     """Flush a file, or a folder with its contents, so that it survives a power failure. Raises OSError."""
     inside = (Path(parent, name) for parent, folders, names in os.walk(path) for name in (*names, *folders))
     for each in (*inside, path):
@@ -79,7 +79,7 @@ def move_new(source: Path, target: Path) -> None:
             _replace_placeholder(source, target)
         else:
             source.unlink()
-    names_to_disk(target.parent)
+    flush_folder(target.parent)
 
 
 def replace_file(path: Path, content: bytes) -> None:
@@ -87,14 +87,14 @@ def replace_file(path: Path, content: bytes) -> None:
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         temporary.write_bytes(content)
-        to_disk(temporary)
+        flush_tree(temporary)
         temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
-    names_to_disk(path.parent)
+    flush_folder(path.parent)
 
 
-def give(folder: Path, uid: int, gid: int) -> None:
+def change_owner(folder: Path, uid: int, gid: int) -> None:
     """Make a user the owner of a folder and of everything in it that belongs to root or nobody. Raises OSError.
 
     Files with several hard links are left alone, as they may also be elsewhere.
@@ -107,14 +107,14 @@ def give(folder: Path, uid: int, gid: int) -> None:
                 os.chown(name, uid, gid, dir_fd=parent, follow_symlinks=False)
 
 
-def give_to_caller(folder: Path) -> None:
+def change_owner_to_caller(folder: Path) -> None:
     """Make the user that invoked sudo, if any, the owner of a folder written by a command. Raises OSError."""
     if "SUDO_UID" in os.environ:
-        give(folder, int(os.environ["SUDO_UID"]), int(os.environ["SUDO_GID"]))
+        change_owner(folder, int(os.environ["SUDO_UID"]), int(os.environ["SUDO_GID"]))
 
 
 @contextmanager
-def storage_explained(what: str) -> Iterator[None]:
+def storage_errors(what: str) -> Iterator[None]:
     """Turn OSErrors into DiskFull and StorageFailed; `what` names the stored data."""
     try:
         yield
@@ -133,7 +133,7 @@ def _replace_placeholder(source: Path, target: Path) -> None:
         raise
 
 
-def names_to_disk(folder: Path) -> None:
+def flush_folder(folder: Path) -> None:
     """Flush a folder's entries. Some network file systems cannot, and need not: they persist them anyway."""
     handle = os.open(folder, os.O_RDONLY)
     try:
@@ -150,5 +150,5 @@ def _open(path: str, flags: int) -> int:
     return os.open(path, flags | os.O_NONBLOCK | os.O_NOCTTY)
 
 
-def _open_itself(path: str, flags: int) -> int:
+def _open_no_follow(path: str, flags: int) -> int:
     return _open(path, flags | os.O_NOFOLLOW)

@@ -22,12 +22,12 @@ from uvicorn.server import ServerState
 from tigas_common.address import client_network
 from tigas_common.errors import InvalidRequest, RequestTimeout, TigasError, TooManyConnections, problem
 from tigas_common.limits import HttpLimits, IdleTimeout
-from tigas_common.web import ARRIVED
+from tigas_common.web import ARRIVAL_KEY
 
 BATCH = 32
 """Connections accepted before other tasks get a turn."""
-EXHAUSTED = {errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM}
-EXHAUSTED_S = 0.5
+RESOURCE_ERRORS = {errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM}
+RESOURCE_PAUSE_S = 0.5
 """Seconds to wait before accepting another connection after the system ran out of resources."""
 
 
@@ -90,7 +90,7 @@ class LimitedServer(Server):
             except BlockingIOError:
                 pass
             except OSError as error:  # any other error means that the client has left
-                await asyncio.sleep(EXHAUSTED_S if error.errno in EXHAUSTED else 0)
+                await asyncio.sleep(RESOURCE_PAUSE_S if error.errno in RESOURCE_ERRORS else 0)
             await asyncio.sleep(0)  # accepting may not block, so give other tasks a turn
 
     def _count(self) -> Counter[str]:
@@ -123,7 +123,7 @@ class LimitedServer(Server):
     def _refuse(self, connection: socket.socket, error: TooManyConnections) -> None:
         with connection, suppress(OSError):
             if self._tls is None:
-                connection.send(last_answer(error))
+                connection.send(final_response(error))
 
     async def _open(self, connection: socket.socket) -> None:
         task = asyncio.current_task()
@@ -153,43 +153,43 @@ class LimitedProtocol(H11Protocol):
         self.timeout_keep_alive = limits.idle_s
         self._limits = limits
         self._opened = opened
-        self._began = False
+        self._has_data = False
         """Whether any data has been received."""
-        self._awaited: object = None
+        self._watched_state: object = None
         """The client state to which `_timeout` applies."""
         self._timeout: IdleTimeout | None = None
         self._timer: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         super().connection_made(transport)
-        self.flow = _Flow(transport, self._resumed)
+        self.flow = _Flow(transport, self._restart_timeout)
         self._opened()
-        self._watch()
+        self._update_timeout()
 
     def data_received(self, data: bytes) -> None:
-        self._began = True
-        self.app_state[ARRIVED] = time.monotonic()  # copied to a request's scope when its headers are complete
+        self._has_data = True
+        self.app_state[ARRIVAL_KEY] = time.monotonic()  # copied to a request's scope when its headers are complete
         super().data_received(data)
-        self._watch(len(data))
+        self._update_timeout(len(data))
 
     def on_response_complete(self) -> None:
         super().on_response_complete()
-        self._watch()
+        self._update_timeout()
 
     def connection_lost(self, exc: Exception | None) -> None:
         super().connection_lost(exc)
         if self._timer is not None:
             self._timer.cancel()
 
-    def _watch(self, received: int = 0) -> None:
+    def _update_timeout(self, received: int = 0) -> None:
         """Start, continue or stop the timeout, depending on the data expected from the client."""
         now, state = self.loop.time(), self.conn.their_state
         if self.transport.get_protocol() is not self:  # it is a WebSocket now
             state = h11.SWITCHED_PROTOCOL
-        if state is self._awaited and self._timeout is not None:
-            self._timeout.progress(received, now)
+        if state is self._watched_state and self._timeout is not None:
+            self._timeout.extend(received, now)
             return
-        self._awaited = state
+        self._watched_state = state
         if state is h11.SEND_BODY:
             self._begin(self._limits.body_s, self._limits.body_bytes_per_s)
         elif state is h11.IDLE and self.timeout_keep_alive_task is None:
@@ -201,9 +201,9 @@ class LimitedProtocol(H11Protocol):
         self._timeout = IdleTimeout(seconds, bytes_per_s, self.loop.time())
         if self._timer is not None:
             self._timer.cancel()
-        self._timer = self.loop.call_at(self._timeout.until, self._expired)
+        self._timer = self.loop.call_at(self._timeout.expires_at, self._expired)
 
-    def _resumed(self) -> None:
+    def _restart_timeout(self) -> None:
         """Restart the timeout, as the delay so far was the application's and not the client's."""
         if self._timeout is not None:
             self._begin(self._timeout.seconds, self._timeout.bytes_per_s)
@@ -211,22 +211,22 @@ class LimitedProtocol(H11Protocol):
     def _expired(self) -> None:
         if self._timeout is None or self.flow.read_paused or self.transport.is_closing():
             return
-        if self.loop.time() < self._timeout.until:
-            self._timer = self.loop.call_at(self._timeout.until, self._expired)
+        if self.loop.time() < self._timeout.expires_at:
+            self._timer = self.loop.call_at(self._timeout.expires_at, self._expired)
         else:
-            what = "body" if self._awaited is h11.SEND_BODY else "headers"
-            self._give_up(RequestTimeout(f"The request's {what} did not arrive in time."))
+            what = "body" if self._watched_state is h11.SEND_BODY else "headers"
+            self._abort(RequestTimeout(f"The request's {what} did not arrive in time."))
 
     def send_400_response(self, msg: str) -> None:
         """Close the connection; uvicorn would answer even after the application has, and let it answer again."""
-        self._give_up(InvalidRequest("The request is not valid HTTP/1.1."))
+        self._abort(InvalidRequest("The request is not valid HTTP/1.1."))
 
-    def _give_up(self, error: TigasError) -> None:
+    def _abort(self, error: TigasError) -> None:
         if self.cycle is not None and not self.cycle.response_complete:  # further data is dropped
             self.cycle.disconnected = True
             self.cycle.message_event.set()
-        if self._began and self.conn.our_state in (h11.IDLE, h11.SEND_RESPONSE):
-            self.transport.write(last_answer(error))
+        if self._has_data and self.conn.our_state in (h11.IDLE, h11.SEND_RESPONSE):
+            self.transport.write(final_response(error))
         self.transport.close()
 
 
@@ -243,7 +243,7 @@ class _Flow(FlowControl):
             self._resumed()
 
 
-def last_answer(error: TigasError) -> bytes:
+def final_response(error: TigasError) -> bytes:
     """An error as the bytes of an HTTP/1.1 response that closes the connection."""
     answer = problem(error)
     body = answer.model_dump_json().encode()

@@ -18,7 +18,7 @@ from tigas_common.errors import StartError
 PROJECT = "tigas"
 REQUIREMENT = re.compile(r"""(?P<name>[\w.-]+)[^;]*; extra == ['"](?P<extra>[\w-]+)['"]""")
 """A package that an extra requires on every platform, in the metadata of a wheel."""
-OF_MAKE = ("gpu", "lab")
+MAKE_EXTRAS = ("gpu", "lab")
 """Extras that the Makefile installs into its own environment, with the right build of PyTorch."""
 COMMIT_VARIABLE = "TIGAS_COMMIT"
 """Environment variable with the commit, set when container images are built, as they have no repository."""
@@ -26,8 +26,8 @@ COMMIT_VARIABLE = "TIGAS_COMMIT"
 
 def this_commit() -> str | None:
     """The value of COMMIT_VARIABLE, or the working tree's commit, with `-dirty` if modified; None if neither exists."""
-    if told := os.environ.get(COMMIT_VARIABLE):
-        return told
+    if configured := os.environ.get(COMMIT_VARIABLE):
+        return configured
     command = ("git", "describe", "--always", "--dirty", "--abbrev=12", "--exclude=*")
     alone = os.environ | {"GIT_OPTIONAL_LOCKS": "0"}  # avoids taking locks in the user's repository
     try:
@@ -49,7 +49,7 @@ def check_versions(*packages: str) -> None:
             installed = version(package)
         except PackageNotFoundError:
             continue  # the import will report it
-        first, end = _supported(package)
+        first, end = _version_bounds(package)
         if not _numbers(first) <= _numbers(installed) < _numbers(end):
             needed = f"{package}>={first},<{end}"
             raise StartError(f"{package} {installed} is installed, but TIGAS needs {needed}: pip install '{needed}'.")
@@ -63,7 +63,7 @@ def install_command(*extras: str) -> str:
     if not url or (url.startswith("file:") and not _path(url).exists()):
         return f"pip install '{named}'"
     if origin.get("dir_info", {}).get("editable"):
-        if len(extras) == 1 and extras[0] in OF_MAKE and Path(sys.prefix) == _path(url) / ".venv":
+        if len(extras) == 1 and extras[0] in MAKE_EXTRAS and Path(sys.prefix) == _path(url) / ".venv":
             return f"make -C {_path(url)} {extras[0]}"
         return f"pip install -e '{_path(url)}{named.removeprefix(PROJECT)}'"
     if vcs := origin.get("vcs_info"):
@@ -76,7 +76,7 @@ def missing_packages(*extras: str) -> list[str]:
     return sorted({each["name"] for each in required if each["extra"] in extras and not _is_installed(each["name"])})
 
 
-def require(*extras: str) -> None:
+def require_extras(*extras: str) -> None:
     """Raise StartError, with the command to install them, if packages of these extras are missing."""
     if missing := missing_packages(*extras):
         named = ", ".join(missing[:3]) + (f" and {len(missing) - 3} more" if missing[3:] else "")
@@ -84,7 +84,7 @@ def require(*extras: str) -> None:
         raise StartError(f"{named} {are} not installed: {install_command(*extras)}")
 
 
-def explained(error: ModuleNotFoundError, extras: Sequence[str]) -> StartError | None:
+def missing_module_error(error: ModuleNotFoundError, extras: Sequence[str]) -> StartError | None:
     """Error with the install command for the missing module of a command; None if its extras would not help."""
     module = (error.name or "").partition(".")[0]
     if not module or module.startswith(PROJECT) or not extras:
@@ -92,7 +92,7 @@ def explained(error: ModuleNotFoundError, extras: Sequence[str]) -> StartError |
     return StartError(f"{module} is not installed: {install_command(*extras)}")
 
 
-def _supported(package: str) -> tuple[str, str]:
+def _version_bounds(package: str) -> tuple[str, str]:
     """The first supported version and the first unsupported one, from the narrowest requirement in pyproject.toml."""
     pattern = re.compile(rf"{package}(?:\[\w+\])?([<>=][^;]*)")
     requirements = filter(None, map(pattern.match, distribution(PROJECT).requires or ()))

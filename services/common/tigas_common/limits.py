@@ -23,7 +23,7 @@ half times the limit.
 Client = TypeVar("Client", bound=Hashable)
 
 
-def quota(total: int, processes: int) -> int:
+def share_limit(total: int, processes: int) -> int:
     """One process's part of a limit that several processes enforce independently."""
     mean = total / processes
     return min(total, math.ceil(mean + SLACK * math.sqrt(mean)))
@@ -63,13 +63,13 @@ class HttpLimits(ServiceHttpLimits):
     """Until a client reads its responses (on Linux)."""
 
     @classmethod
-    def of(cls, settings: ServiceHttpLimits) -> Self:
+    def from_settings(cls, settings: ServiceHttpLimits) -> Self:
         return cls(**settings.model_dump())
 
-    def of_each(self, processes: int) -> Self:
+    def per_process(self, processes: int) -> Self:
         """The limits of each of several processes, which count independently."""
         counts = ("connections", "connections_per_address")
-        return self.model_copy(update={name: quota(getattr(self, name), processes) for name in counts})
+        return self.model_copy(update={name: share_limit(getattr(self, name), processes) for name in counts})
 
 
 class RateLimit(Generic[Client]):
@@ -86,22 +86,22 @@ class RateLimit(Generic[Client]):
     def __len__(self) -> int:
         return len(self._full_at)
 
-    def delay(self, client: Client, now: float, rate: float, burst_s: float, amount: float = 1.0) -> float:
+    def delay_s(self, client: Client, now: float, rate: float, burst_s: float, amount: float = 1.0) -> float:
         """Return the seconds until a client may use this amount."""
         return max(0.0, max(now, self._full_at.get(client, now)) + amount / rate - (now + burst_s))
 
-    def use(self, client: Client, now: float, rate: float, amount: float = 1.0) -> None:
+    def consume(self, client: Client, now: float, rate: float, amount: float = 1.0) -> None:
         """Count an amount, whether allowed or not; a negative one is refunded."""
         full_at = max(now, self._full_at.pop(client, now)) + amount / rate
         self._full_at[client] = full_at
         while self._full_at and (first := next(iter(self._full_at.items())))[1] <= now:
             del self._full_at[first[0]]
 
-    def allows(self, client: Client, now: float, rate: float, burst_s: float) -> bool:
+    def try_acquire(self, client: Client, now: float, rate: float, burst_s: float) -> bool:
         """Return whether a client may act once more now, and count it if so."""
-        if self.delay(client, now, rate, burst_s) > 0:
+        if self.delay_s(client, now, rate, burst_s) > 0:
             return False
-        self.use(client, now, rate)
+        self.consume(client, now, rate)
         return True
 
 
@@ -114,7 +114,7 @@ class ConcurrencyLimit:
         self._running: Counter[str] = Counter()
 
     @contextmanager
-    def one_more(self, client: str, refusal: TigasError) -> Iterator[None]:
+    def acquire(self, client: str, refusal: TigasError) -> Iterator[None]:
         """Context manager that counts one item. Raises `refusal` above the limit."""
         if self._running.total() >= self._most or self._running[client] >= self._most_per_client:
             raise refusal
@@ -138,11 +138,11 @@ class IdleTimeout:
     bytes_per_s: float
     now: float
     """Start, on any clock that counts seconds."""
-    until: float = field(init=False)
+    expires_at: float = field(init=False)
     """Expiry, on the same clock."""
 
     def __post_init__(self) -> None:
-        self.until = self.now + self.seconds
+        self.expires_at = self.now + self.seconds
 
-    def progress(self, size: int, now: float) -> None:
-        self.until = min(now + self.seconds, self.until + size / self.bytes_per_s)
+    def extend(self, size: int, now: float) -> None:
+        self.expires_at = min(now + self.seconds, self.expires_at + size / self.bytes_per_s)

@@ -14,19 +14,19 @@ from tigas_common.address import client_network
 from tigas_common.errors import AskedTooOften
 from tigas_common.limits import RateLimit
 from tigas_common.origins import OriginPolicy
-from tigas_common.proxy import refuse
+from tigas_common.proxy import send_error
 
 BURST_S = 0.1
 """Seconds of the loop that an address may use at once: more than opening the page takes."""
-EXPECTED_S = 0.002
+UPFRONT_COST_S = 0.002
 """Cost charged for a request in advance, in seconds."""
-OUTSIDE_S = 0.0005
+OVERHEAD_S = 0.0005
 """Seconds that a request costs outside the application, for parsing and for writing the answer."""
 MAX_WAIT_S = 2.0
 """Seconds for which a request waits for its address's share before it is refused. Refusals are delayed as long, to slow
 down clients that retry at once.
 """
-FRAMES = "/render"
+FRAME_PATH = "/render"
 
 
 class LoopShare:
@@ -58,18 +58,18 @@ class LoopShare:
         if scope["type"] != "http":
             return await self._app(scope, receive, send)
         address = client_network(scope["client"][0]) if scope["client"] else ""
-        delay = self._used.delay(address, self._clock(), self._share, BURST_S / self._share, EXPECTED_S)
+        delay = self._used.delay_s(address, self._clock(), self._share, BURST_S / self._share, UPFRONT_COST_S)
         if delay > MAX_WAIT_S:
             await self._sleep(MAX_WAIT_S)
             error = AskedTooOften("Your address exceeds its share; send fewer requests.", delay)
-            return await refuse(error, self._origins, scope, receive, send)
-        self._use(address, EXPECTED_S)
+            return await send_error(error, self._origins, scope, receive, send)
+        self._charge(address, UPFRONT_COST_S)
         meter, is_frame = _Meter(self._busy_clock), False
 
         async def watch(message: Message) -> None:
             nonlocal is_frame
             if message["type"] == "http.response.start":
-                is_frame = scope["path"] == FRAMES and message["status"] < 400
+                is_frame = scope["path"] == FRAME_PATH and message["status"] < 400
             await send(message)
 
         try:
@@ -77,11 +77,11 @@ class LoopShare:
                 await self._sleep(delay)
             await meter.run(self._app(scope, receive, watch))  # type: ignore[arg-type]
         finally:
-            used = 0.0 if is_frame else OUTSIDE_S + meter.seconds
-            self._use(address, used - EXPECTED_S)
+            used = 0.0 if is_frame else OVERHEAD_S + meter.seconds
+            self._charge(address, used - UPFRONT_COST_S)
 
-    def _use(self, address: str, seconds: float) -> None:
-        self._used.use(address, self._clock(), self._share, seconds)
+    def _charge(self, address: str, seconds: float) -> None:
+        self._used.consume(address, self._clock(), self._share, seconds)
 
 
 class _Meter:

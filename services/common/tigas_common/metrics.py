@@ -34,8 +34,8 @@ from tigas_common.web import NO_STORE, TEXT, described
 
 METHODS = frozenset({"DELETE", "GET", "HEAD", "OPTIONS", "PATCH", "POST", "PUT"})
 OTHER = "other"
-"""Label for paths without a route, unusual methods, and scenes beyond the first MOST_SCENES."""
-MOST_SCENES = 200
+"""Label for paths without a route, unusual methods, and scenes beyond the first MAX_SCENES."""
+MAX_SCENES = 200
 """Maximum number of scenes with their own metrics: files may appear and disappear during a service's lifetime."""
 Family = TypeVar("Family", CounterMetricFamily, GaugeMetricFamily)
 RESPONSE_BUCKETS = (0.005, 0.02, 0.1, 0.5, 2, 10)
@@ -86,13 +86,13 @@ class SceneNames:
     def label(self, scene: str) -> str:
         """The label of an existing scene."""
         if scene not in self._known:
-            if len(self._known) >= MOST_SCENES:
+            if len(self._known) >= MAX_SCENES:
                 return OTHER
             self._known.add(scene)
         return scene
 
 
-class CountedRequests:
+class RequestMetrics:
     """ASGI middleware around a whole application that counts HTTP requests by the route that answered them."""
 
     def __init__(

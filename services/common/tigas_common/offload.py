@@ -18,7 +18,7 @@ from typing import Protocol, TypeVar, TypeVarTuple
 from anyio import BrokenWorkerProcess, to_process
 
 from tigas_common.errors import Overloaded, TooCostly
-from tigas_common.resources import give_back
+from tigas_common.resources import release_memory
 
 NICE = 10
 """Nice value of work with a limit, as frames take priority."""
@@ -54,7 +54,7 @@ async def offload_to_process(function: Callable[[*Ts], T], *arguments: *Ts, limi
     """
     try:
         if limit:
-            return await to_process.run_sync(_within, limit, function, *arguments, cancellable=True)
+            return await to_process.run_sync(_run_limited, limit, function, *arguments, cancellable=True)
         return await to_process.run_sync(function, *arguments, cancellable=True)
     except (BrokenWorkerProcess, MemoryError):
         if limit:
@@ -67,23 +67,23 @@ async def offload_to_process(function: Callable[[*Ts], T], *arguments: *Ts, limi
         raise Overloaded(f"No process could be started: {error.strerror or error}.") from None
 
 
-def _within(limit: Limit, function: Callable[[*Ts], T], *arguments: *Ts) -> T:
+def _run_limited(limit: Limit, function: Callable[[*Ts], T], *arguments: *Ts) -> T:
     os.setpriority(os.PRIO_PROCESS, 0, NICE)
     with suppress(OSError):  # when memory is short, the system may choose other processes
         Path("/proc/self/oom_score_adj").write_text("1000")
     try:
-        with _limited(limit):
+        with _set_limit(limit):
             return function(*arguments)
     except (Exception, KeyboardInterrupt, SystemExit):
         raise
     except BaseException:  # a panic in Rust code, which expects small allocations to succeed
         raise MemoryError from None
     finally:
-        give_back()
+        release_memory()
 
 
 @contextmanager
-def _limited(limit: Limit) -> Iterator[None]:
+def _set_limit(limit: Limit) -> Iterator[None]:
     """Have the system end this process if it exceeds the limit. Only Linux enforces the memory limit."""
     if sys.platform != "linux":
         yield

@@ -15,7 +15,7 @@ from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response
 from starlette.routing import BaseRoute, Route
 
-from tigas_common.web import HAS_IT_ALREADY, JSON, NO_STORE, TEXT, ModelResponse, Tagged, described
+from tigas_common.web import HAS_IT_ALREADY, JSON, NO_STORE, TEXT, CachedContent, ModelResponse, described
 from tigas_common.wire.render import Problem
 
 PATH = "/openapi.json"
@@ -33,7 +33,7 @@ Content: TypeAlias = "type[BaseModel] | type[list[BaseModel]] | tuple[str, ...]"
 def openapi(name: str) -> Route:
     """The route that describes the other routes of its application."""
 
-    document: asyncio.Task[Tagged] | None = None
+    document: asyncio.Task[CachedContent] | None = None
 
     @described(gives=(JSON,), also=HAS_IT_ALREADY)
     async def openapi(request: Request) -> Response:
@@ -41,7 +41,7 @@ def openapi(name: str) -> Route:
         nonlocal document
         if document is None:  # once, in a thread, as it takes up to a tenth of a second
             document = asyncio.create_task(asyncio.to_thread(_encoded, name, request.app.routes))
-        return (await asyncio.shield(document)).answer(request)
+        return (await asyncio.shield(document)).response(request)
 
     return Route(PATH, openapi)
 
@@ -80,8 +80,8 @@ def describe(name: str, routes: Iterable[BaseRoute]) -> dict[str, Any]:
     }
 
 
-def _encoded(name: str, routes: Iterable[BaseRoute]) -> Tagged:
-    return Tagged(json.dumps(describe(name, routes), separators=(",", ":")).encode(), JSON)
+def _encoded(name: str, routes: Iterable[BaseRoute]) -> CachedContent:
+    return CachedContent(json.dumps(describe(name, routes), separators=(",", ":")).encode(), JSON)
 
 
 def _operation(route: Route, method: str, references: References) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from starlette.middleware.cors import CORSMiddleware
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket
 
-from tigas_common.address import Address, host_of, host_of_origin, is_address, is_loopback, is_network_name
+from tigas_common.address import Address, is_address, is_loopback, is_network_name, parse_host, parse_origin_host
 from tigas_common.errors import TigasError, problem
 from tigas_common.web import problem_response
 
@@ -27,7 +27,7 @@ SECURITY_HEADERS = {
     "Referrer-Policy": "strict-origin",
     "X-Content-Type-Options": "nosniff",
 }
-NOTHING = "default-src 'none'"
+DEFAULT_POLICY = "default-src 'none'"
 """Content security policy of answers that are not pages."""
 
 
@@ -56,7 +56,7 @@ class OriginPolicy:
     """Whether requests without an origin, as from programs other than browsers, may change anything."""
 
     @classmethod
-    def of(
+    def from_addresses(
         cls,
         listening: Iterable[Address],
         hosts: Iterable[str] = (),
@@ -75,13 +75,13 @@ class OriginPolicy:
 
         Raises ForeignHost and ForeignOrigin.
         """
-        name = host_of(host)
+        name = parse_host(host)
         if name is None or not self._is_own(name):
             raise ForeignHost(f"This service does not answer under the name {host[:60]!r} (setting allow_hosts).")
         if origin is None:
             if changes and not self.programs:
                 raise ForeignOrigin("A request that changes something must have an allowed Origin; this one has none.")
-        elif origin not in self.pages and not _same(host_of_origin(origin), name):
+        elif origin not in self.pages and not _is_same_host(parse_origin_host(origin), name):
             raise ForeignOrigin(f"Pages of {origin[:60]!r} may not use this service (setting allow_origins).")
 
     def check_request(self, method: str, headers: Headers) -> None:
@@ -98,7 +98,7 @@ class OriginPolicy:
 
     @property
     def _embedders(self) -> list[str]:
-        return [page for page in self.pages if not is_loopback(host_of_origin(page) or "")]
+        return [page for page in self.pages if not is_loopback(parse_origin_host(page) or "")]
 
     def _is_own(self, name: str) -> bool:
         return (
@@ -129,30 +129,30 @@ class OriginCheck:
             self._policy.check_request(scope.get("method", "GET"), headers)
         except TigasError as error:
             refusal = problem_response(problem(error))
-            send = self._protecting(send)
+            send = self._add_headers(send)
             if scope["type"] == "websocket":
                 return await WebSocket(scope, receive, send).send_denial_response(refusal)
             return await refusal(scope, receive, send)
         if scope["type"] == "websocket":
             return await self._app(scope, receive, send)
         origin = headers.get("origin")
-        app = self._app if origin is None or _is_page_of(origin, headers["host"]) else _readable(self._app, origin)
-        return await app(scope, receive, self._protecting(send))
+        app = self._app if origin is None or _is_page_of(origin, headers["host"]) else _allow_cors(self._app, origin)
+        return await app(scope, receive, self._add_headers(send))
 
-    def _protecting(self, send: Send) -> Send:
+    def _add_headers(self, send: Send) -> Send:
         async def protect(message: Message) -> None:
             if message["type"] in ("http.response.start", "websocket.http.response.start"):
                 message.setdefault("headers", [])
                 headers = MutableHeaders(scope=message)
                 headers.update(SECURITY_HEADERS)
-                content = headers.get("content-security-policy", NOTHING)
+                content = headers.get("content-security-policy", DEFAULT_POLICY)
                 headers["Content-Security-Policy"] = f"{content}; {self._policy.frame_ancestors}"
             await send(message)
 
         return protect
 
 
-def _readable(app: ASGIApp, origin: str) -> ASGIApp:
+def _allow_cors(app: ASGIApp, origin: str) -> ASGIApp:
     """Wrap the application for an allowed page of another origin, such as the TIGAS page on its own port."""
     methods = ["GET", "HEAD", "POST", "PUT", "PATCH", "DELETE"]
     # headers of frames, of parts of scenes that a cluster's page requests from a host, and of uploads
@@ -166,5 +166,5 @@ def _is_page_of(origin: str, host: str) -> bool:
     return origin.partition("://")[2] == host
 
 
-def _same(theirs: str | None, ours: str) -> bool:
+def _is_same_host(theirs: str | None, ours: str) -> bool:
     return theirs is not None and (theirs == ours or (is_loopback(theirs) and is_loopback(ours)))

@@ -12,7 +12,7 @@ from tigas_common.errors import BodyTooLarge, InvalidRequest
 MAX_BODY = 16 * 1024
 """Maximum size of a request body in bytes, unless a service accepts more."""
 
-MOST_ERRORS = 1000
+MAX_ERRORS = 1000
 """Beyond this number, pydantic's report takes a hundred times as much memory as the text with the errors."""
 
 Message = TypeVar("Message")
@@ -28,22 +28,22 @@ def parse(kind: type[Message], body: bytes, limit: int = MAX_BODY) -> Message:
     try:
         message: Message = _adapter(kind).validate_json(body)  # type: ignore[arg-type]
     except ValidationError as error:
-        raise InvalidRequest(sentence(error)) from None
+        raise InvalidRequest(describe_error(error)) from None
     return message
 
 
-def sentence(error: ValidationError) -> str:
+def describe_error(error: ValidationError) -> str:
     """Describe the first error and its field; of very many, only their number."""
-    if error.error_count() > MOST_ERRORS:
+    if error.error_count() > MAX_ERRORS:
         return f"There are {error.error_count():,} errors."
     first = error.errors(include_url=False, include_input=False, include_context=False)[0]
-    where = ".".join(legible(str(part), 60) for part in first["loc"])
-    what = legible(first["msg"].removeprefix("Value error, "), 250)
+    where = ".".join(quotable(str(part), 60) for part in first["loc"])
+    what = quotable(first["msg"].removeprefix("Value error, "), 250)
     what = what[:1].lower() + what[1:] if where else what[:1].upper() + what[1:]
     return f"{where}: {what}." if where else f"{what}."
 
 
-def legible(text: str, most: int) -> str:
+def quotable(text: str, most: int) -> str:
     """A client's text, quotable on one line: cut to `most` characters, with control sequences escaped."""
     text = text if len(text) <= most else f"{text[: most - 1]}…"
     return text if text.isprintable() else ascii(text)[1:-1]

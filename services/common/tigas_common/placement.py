@@ -14,7 +14,7 @@ WIDEN_S = 1.0
 """Seconds of pressure on all places of a scene before it gets another one."""
 NARROW_S = 30.0
 """Seconds of ease on all places of a scene before it loses one."""
-MOST_NARROW_S = 480.0
+MAX_NARROW_S = 480.0
 """Upper limit of that time, which doubles after each premature reduction."""
 MAX_NAME = 256
 """Significant characters of a scene's id, as clients choose it; real ones have at most 128."""
@@ -30,13 +30,13 @@ class Candidate:
     """A server that can hold scenes: a device for an edge process, a host for a director."""
 
     name: str
-    pressed: bool = False
+    is_overloaded: bool = False
     """Whether it reports full load."""
-    at_ease: bool = True
+    has_headroom: bool = True
     """Whether it reports capacity for at least twice its load."""
 
 
-def ranked(scene: str, names: tuple[str, ...]) -> tuple[str, ...]:
+def rank_names(scene: str, names: tuple[str, ...]) -> tuple[str, ...]:
     """The names in this scene's order: highest random weight first (Thaler and Ravishankar, 1998).
 
     The order is deterministic, and adding or removing a name does not change that of the others.
@@ -59,9 +59,9 @@ class _Width:
 
     asked: float
     places: int = 1
-    pressed_since: float | None = None
+    overloaded_since: float | None = None
     calm_since: float | None = None
-    narrowed: float | None = None
+    narrowed_at: float | None = None
     narrow_s: float = NARROW_S
 
 
@@ -81,9 +81,9 @@ class Placement:
         """
         if not up:
             return []
-        pressed = {each.name for each in up if each.pressed}
-        at_ease = {each.name for each in up if each.at_ease and not each.pressed}
-        order = ranked(scene, tuple(each.name for each in up))
+        pressed = {each.name for each in up if each.is_overloaded}
+        at_ease = {each.name for each in up if each.has_headroom and not each.is_overloaded}
+        order = rank_names(scene, tuple(each.name for each in up))
         if scene not in self._widths and order[0] not in pressed:
             return [order[0]]
         now = self._clock()
@@ -92,11 +92,11 @@ class Placement:
         chosen = order[:count]
         if pressed.issuperset(chosen):
             width.calm_since = None
-            width.pressed_since = now if width.pressed_since is None else width.pressed_since
-            if now - width.pressed_since >= WIDEN_S and count < len(order):
+            width.overloaded_since = now if width.overloaded_since is None else width.overloaded_since
+            if now - width.overloaded_since >= WIDEN_S and count < len(order):
                 _widen(width, count, now)
         else:
-            width.pressed_since = None
+            width.overloaded_since = None
             if not at_ease.issuperset(chosen):
                 width.calm_since = None
             elif width.places == 1:
@@ -111,7 +111,7 @@ class Placement:
         width = self._widths.setdefault(scene, _Width(now))
         self._widths.move_to_end(scene)
         if now - width.asked > WIDEN_S:  # no requests in the meantime
-            width.pressed_since = None
+            width.overloaded_since = None
             width.calm_since = width.asked if width.calm_since is None else width.calm_since
         width.asked = now
         while len(self._widths) > MOST_SCENES:
@@ -119,32 +119,32 @@ class Placement:
         return width
 
     def _forget(self, scene: str, width: _Width, now: float) -> None:
-        if width.narrowed is None or now - width.narrowed >= MOST_NARROW_S:
+        if width.narrowed_at is None or now - width.narrowed_at >= MAX_NARROW_S:
             del self._widths[scene]
 
 
 def _widen(width: _Width, count: int, now: float) -> None:
-    if width.narrowed is not None and now - width.narrowed < width.narrow_s:
-        width.narrow_s = min(2 * width.narrow_s, MOST_NARROW_S)
+    if width.narrowed_at is not None and now - width.narrowed_at < width.narrow_s:
+        width.narrow_s = min(2 * width.narrow_s, MAX_NARROW_S)
     width.places = count + 1
-    width.pressed_since = now
+    width.overloaded_since = now
 
 
 def _narrow(width: _Width, now: float) -> None:
     width.places = max(1, width.places - 1)
-    width.calm_since = width.narrowed = now
+    width.calm_since = width.narrowed_at = now
 
 
-def merged_scenes(lists: Iterable[Sequence[SceneInfo]]) -> list[SceneInfo]:
+def merge_scene_lists(lists: Iterable[Sequence[SceneInfo]]) -> list[SceneInfo]:
     """Merge the scene lists of several servers into one, sorted by id."""
     found: dict[str, list[SceneInfo]] = {}
     for infos in lists:
         for info in infos:
             found.setdefault(info.id, []).append(info)
-    return [merged_scene(found[id]) for id in sorted(found)]
+    return [merge_scene_infos(found[id]) for id in sorted(found)]
 
 
-def merged_scene(infos: Sequence[SceneInfo]) -> SceneInfo:
+def merge_scene_infos(infos: Sequence[SceneInfo]) -> SceneInfo:
     """Merge several servers' descriptions of a scene. Facts known only after loading may come from any of them."""
     best = min(infos, key=lambda info: STATES.index(info.state))
     known = {

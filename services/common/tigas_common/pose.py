@@ -78,11 +78,11 @@ class Pose:
         Raises ValueError if the target equals the position. If the view is along `up`, any level right-hand axis is
         used.
         """
-        forward = _normalised(_minus(target, position))
+        forward = _normalise(_subtract(target, position))
         right = _cross(forward, up)
         if math.hypot(*right) < 1e-6 * math.hypot(*up) or math.hypot(*up) == 0:
             right = _cross(forward, (0.0, 0.0, 1.0) if abs(forward[2]) < 0.9 else (1.0, 0.0, 0.0))
-        right = _normalised(right)
+        right = _normalise(right)
         down = _cross(forward, right)
         return cls(
             position,
@@ -110,7 +110,7 @@ class Intrinsics:
         sx, sy = width / self.width, height / self.height
         return Intrinsics(self.fx * sx, self.fy * sy, self.cx * sx, self.cy * sy, width, height)
 
-    def widened(self, margin_x: int, margin_y: int) -> Intrinsics:
+    def with_margins(self, margin_x: int, margin_y: int) -> Intrinsics:
         """The same view with `margin_x` more pixels on the left and right, and `margin_y` at the top and bottom."""
         return Intrinsics(
             self.fx, self.fy, self.cx + margin_x, self.cy + margin_y,
@@ -118,7 +118,7 @@ class Intrinsics:
         )  # fmt: skip
 
 
-def _minus(a: Vector3, b: Vector3) -> Vector3:
+def _subtract(a: Vector3, b: Vector3) -> Vector3:
     return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
 
 
@@ -126,7 +126,7 @@ def _cross(a: Vector3, b: Vector3) -> Vector3:
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
-def _normalised(a: Vector3) -> Vector3:
+def _normalise(a: Vector3) -> Vector3:
     length = math.hypot(*a)
     if length == 0:
         raise ValueError("a camera cannot look at its own position")

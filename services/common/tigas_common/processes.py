@@ -25,12 +25,12 @@ START_S = 30
 """Seconds after the first start within which an exit with an error means wrong settings, not worth a restart."""
 
 
-def tigas(*arguments: str) -> list[str]:
+def tigas_command(*arguments: str) -> list[str]:
     """Return the command line for a `tigas` command of this installation."""
     return [sys.executable, "-m", "tigas_common", *arguments]
 
 
-def with_parent(argv: list[str]) -> list[str]:
+def end_with_parent(argv: list[str]) -> list[str]:
     """Return the command line for a process that gets SIGTERM when the thread that started it ends.
 
     Without setpriv (util-linux), the parent has to end it.
@@ -38,7 +38,7 @@ def with_parent(argv: list[str]) -> list[str]:
     return ["setpriv", "--pdeathsig", "TERM", *argv] if shutil.which("setpriv") else argv
 
 
-def end(process: subprocess.Popen[bytes], timeout_s: float) -> None:
+def terminate(process: subprocess.Popen[bytes], timeout_s: float) -> None:
     """Terminate the leader of a session; kill its whole process group if it takes longer than `timeout_s`."""
     process.terminate()
     try:
@@ -59,23 +59,23 @@ async def wait_or_kill(process: asyncio.subprocess.Process, timeout_s: float) ->
 
 
 @contextmanager
-def running(argv: list[str], timeout_s: float, **options: Any) -> Iterator[subprocess.Popen[bytes]]:
+def run_process(argv: list[str], timeout_s: float, **options: Any) -> Iterator[subprocess.Popen[bytes]]:
     """Run a process until the context ends or this process is killed.
 
-    timeout_s: as in `end`. options: further arguments for Popen.
+    timeout_s: as in `terminate`. options: further arguments for Popen.
     """
-    process = subprocess.Popen(with_parent(argv), start_new_session=True, **options)
+    process = subprocess.Popen(end_with_parent(argv), start_new_session=True, **options)
     try:
         yield process
     finally:
-        end(process, timeout_s)
+        terminate(process, timeout_s)
         for output in (process.stdout, process.stderr):
             if output is not None:
                 output.close()
 
 
 @contextmanager
-def terminated_as_interrupted() -> Iterator[None]:
+def interrupt_on_sigterm() -> Iterator[None]:
     """Raise KeyboardInterrupt for SIGTERM as for Ctrl+C, so that contexts clean up. An event loop may override both."""
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
@@ -84,32 +84,32 @@ def terminated_as_interrupted() -> Iterator[None]:
         signal.signal(signal.SIGTERM, before)
 
 
-def end_as_ctrl_c() -> None:
+def handle_sigterm_as_ctrl_c() -> None:
     """Handle SIGTERM like Ctrl+C, and restore Ctrl+C in background jobs of scripts, so that any end cleans up."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
     signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))
 
 
-class BackOff:
+class Backoff:
     """The delay before each restart, doubled for every exit within the last WINDOW_S seconds."""
 
     FIRST_S = 0.5
-    ENDS = 5
+    MAX_EXITS = 5
     """The number of exits within WINDOW_S that is too many."""
     WINDOW_S = 60.0
 
     def __init__(self) -> None:
-        self._ends: deque[float] = deque()
+        self._exits: deque[float] = deque()
 
-    def ended(self, now: float) -> float | None:
+    def next_delay_s(self, now: float) -> float | None:
         """Return the delay after an exit at this time, in seconds, or None after too many exits."""
-        while self._ends and self._ends[0] <= now - self.WINDOW_S:
-            self._ends.popleft()
-        self._ends.append(now)
-        return None if len(self._ends) >= self.ENDS else self.FIRST_S * 2 ** (len(self._ends) - 1)
+        while self._exits and self._exits[0] <= now - self.WINDOW_S:
+            self._exits.popleft()
+        self._exits.append(now)
+        return None if len(self._exits) >= self.MAX_EXITS else self.FIRST_S * 2 ** (len(self._exits) - 1)
 
 
-class Supervised(ABC):
+class SupervisedProcess(ABC):
     """A process that is restarted whenever it exits."""
 
     def __init__(self, name: str) -> None:
@@ -118,22 +118,22 @@ class Supervised(ABC):
         self._stopping = asyncio.Event()
         self._ended = asyncio.Event()
 
-    async def keep(self) -> None:
-        """Run the process until `end` is called. Raises StartError if it should not be restarted."""
-        back_off = BackOff()
+    async def run(self) -> None:
+        """Run the process until `stop` is called. Raises StartError if it should not be restarted."""
+        back_off = Backoff()
         try:
             while not self._stopping.is_set():
                 status = await self._run()
                 if self._stopping.is_set():
                     return
-                if pause_s := await self._pause(status, back_off.ended(time.monotonic())):
+                if pause_s := await self._pause(status, back_off.next_delay_s(time.monotonic())):
                     with suppress(TimeoutError):
                         async with asyncio.timeout(pause_s):
                             await self._stopping.wait()
         finally:
             self._ended.set()
 
-    async def end(self, timeout_s: float) -> None:
+    async def stop(self, timeout_s: float) -> None:
         """Terminate the process and stop restarting it; kill it if it takes longer than `timeout_s`."""
         self._stopping.set()
         self._signal(signal.SIGTERM)
@@ -151,7 +151,7 @@ class Supervised(ABC):
     async def _pause(self, status: int | OSError, delay_s: float | None) -> float:
         """Return the seconds until the next start. Raises StartError to give up.
 
-        delay_s: from the BackOff; None after too many exits.
+        delay_s: from the Backoff; None after too many exits.
         """
 
     @abstractmethod
@@ -159,7 +159,7 @@ class Supervised(ABC):
         """Send a signal to the process, if it is running."""
 
 
-class Service(Supervised):
+class Service(SupervisedProcess):
     """A service that others depend on: if it cannot be kept running, they are stopped too."""
 
     def __init__(self, name: str, start: Callable[[], subprocess.Popen[bytes]]) -> None:
@@ -182,14 +182,14 @@ class Service(Supervised):
         return status
 
     async def _pause(self, status: int | OSError, delay_s: float | None) -> float:
-        how = how_it_ended(status)
+        how = describe_exit(status)
         if self._first_start is None:
             raise StartError(f"The {self.name} did not start ({how}).")
         if isinstance(status, int) and status > 0 and time.monotonic() < self._first_start + START_S:
             raise StartError(f"The {self.name} did not start ({how}), so the others end as well.")
         if delay_s is None:
             raise StartError(
-                f"The {self.name} exited {BackOff.ENDS} times within {BackOff.WINDOW_S:g} s, the last time with "
+                f"The {self.name} exited {Backoff.MAX_EXITS} times within {Backoff.WINDOW_S:g} s, the last time with "
                 f"{how}: it is not restarted, and the others end as well."
             )
         print(f"The {self.name} exited ({how}); restarting it in {delay_s:g} s.", file=sys.stderr, flush=True)
@@ -214,14 +214,14 @@ def keep_running(services: Sequence[Service], stop: threading.Event) -> None:
 
 
 async def _keep_running(services: Sequence[Service], stop: threading.Event) -> None:
-    kept = [asyncio.create_task(service.keep()) for service in services]
+    kept = [asyncio.create_task(service.run()) for service in services]
     stopped = asyncio.create_task(_until_set(stop))
     try:
         await asyncio.wait((stopped, *kept), return_when=asyncio.FIRST_COMPLETED)
     finally:
         stopped.cancel()
         for service in reversed(services):
-            await service.end(STOP_S)
+            await service.stop(STOP_S)
     await asyncio.gather(*kept)
 
 
@@ -230,7 +230,7 @@ async def _until_set(event: threading.Event) -> None:
         await asyncio.sleep(POLL_S)
 
 
-def how_it_ended(status: int | OSError) -> str:
+def describe_exit(status: int | OSError) -> str:
     """Describe an exit status, or the error that kept a process from starting."""
     if isinstance(status, OSError):
         return f"no process could be started: {status.strerror or status}"

@@ -20,13 +20,13 @@ Headers = list[tuple[bytes, bytes]]
 HOP_BY_HOP = frozenset(
     (b"connection", b"expect", b"keep-alive", b"proxy-connection", b"te", b"transfer-encoding", b"upgrade")
 )
-OWN_WORDS = frozenset((b"forwarded", b"x-forwarded-for", b"x-forwarded-proto"))
+FORWARDED_HEADERS = frozenset((b"forwarded", b"x-forwarded-for", b"x-forwarded-proto"))
 """Headers about the client, which are rewritten so that clients cannot forge them."""
 TIMEOUTS_S = {"connect": 1.0, "write": 10.0, "pool": 5.0, "read": None}
 """No timeout on reading, as a large scene takes minutes to load before the answer begins."""
 
 
-async def ask(
+async def forward(
     transport: httpx.AsyncBaseTransport,
     url: str,
     scope: Scope,
@@ -39,9 +39,9 @@ async def ask(
     body: all of it, or its parts as they arrive. left_out: lower-case names of headers to omit. silence_s: the longest
     pause before and within the answer. The server gets the client's address. Raises httpx.TransportError.
     """
-    written = HOP_BY_HOP | OWN_WORDS | ({b"content-length"} if isinstance(body, bytes) else frozenset())
+    written = HOP_BY_HOP | FORWARDED_HEADERS | ({b"content-length"} if isinstance(body, bytes) else frozenset())
     headers = [each for each in scope["headers"] if each[0] not in written and each[0] not in left_out]
-    headers += forwarded(scope)
+    headers += forwarded_headers(scope)
     query = scope["query_string"]
     request = httpx.Request(
         scope["method"],
@@ -56,7 +56,7 @@ async def ask(
     return await transport.handle_async_request(request)
 
 
-def forwarded(scope: Scope) -> Headers:
+def forwarded_headers(scope: Scope) -> Headers:
     """The headers with the client's address and scheme."""
     headers = [(b"x-forwarded-proto", scope["scheme"].encode())]
     if scope["client"]:
@@ -64,28 +64,28 @@ def forwarded(scope: Scope) -> Headers:
     return headers
 
 
-def headers_of(answer: httpx.Response) -> Headers:
+def response_headers(answer: httpx.Response) -> Headers:
     """The headers of an answer to pass on, with lower-case names."""
     headers = [(name.lower(), value) for name, value in answer.headers.raw]
     return [each for each in headers if each[0] not in HOP_BY_HOP and each[0] != b"date"]
 
 
-async def hand_back(answer: httpx.Response, headers: Headers, receive: Receive, send: Send) -> None:
+async def stream_response(answer: httpx.Response, headers: Headers, receive: Receive, send: Send) -> None:
     """Stream a response with these headers. If the client disconnects, discard the rest of the body."""
-    leaving = asyncio.create_task(until_left(receive))
+    disconnected = asyncio.create_task(wait_for_disconnect(receive))
     try:
         await send({"type": "http.response.start", "status": answer.status_code, "headers": headers})
         async for part in answer.aiter_raw():
-            if leaving.done():  # `send` no longer waits then, and the rest may be gigabytes
+            if disconnected.done():  # `send` no longer waits then, and the rest may be gigabytes
                 return
             await send({"type": "http.response.body", "body": part, "more_body": True})
         await send({"type": "http.response.body", "body": b""})
     finally:
-        leaving.cancel()
+        disconnected.cancel()
         await answer.aclose()
 
 
-async def unless(end: Awaitable[object], work: Coroutine[Any, Any, Result]) -> Result | None:
+async def run_until(end: Awaitable[object], work: Coroutine[Any, Any, Result]) -> Result | None:
     """Return the result of `work`, or cancel it and return None if `end` is done first.
 
     If `end` is a future, it is left alone; a coroutine is cancelled after the work.
@@ -106,17 +106,17 @@ async def unless(end: Awaitable[object], work: Coroutine[Any, Any, Result]) -> R
             ending.cancel()
 
 
-def client_of(scope: Scope) -> str:
+def client_key(scope: Scope) -> str:
     """The network of a request's client; empty if unknown."""
     return client_network(scope["client"][0]) if scope["client"] else ""
 
 
-async def until_left(receive: Receive) -> None:
+async def wait_for_disconnect(receive: Receive) -> None:
     """Wait until the client has disconnected, and discard the rest of its body."""
     while (await receive())["type"] != "http.disconnect":
         pass
 
 
-async def refuse(error: TigasError, origins: OriginPolicy, scope: Scope, receive: Receive, send: Send) -> None:
+async def send_error(error: TigasError, origins: OriginPolicy, scope: Scope, receive: Receive, send: Send) -> None:
     """Answer with an error that only allowed pages may read."""
     await OriginCheck(error_response(error), origins)(scope, receive, send)

@@ -19,24 +19,24 @@ from pydantic import ValidationError
 
 from tigas_common.errors import StartError, TigasError
 from tigas_common.parsing import MAX_BODY, parse
-from tigas_common.processes import running, tigas
+from tigas_common.processes import run_process, tigas_command
 from tigas_common.wire.render import LadderName, Problem, RenderRequest, SceneInfo, ServerConfig
 
-TRIES: Final = 5
-LATER: Final = (409, 429, 503)
+MAX_TRIES: Final = 5
+RETRY_STATUSES: Final = (409, 429, 503)
 """Statuses worth retrying: superseded by a newer request; rate limited; overloaded."""
 PAUSE_S: Final = 1.0
-LONGEST_PAUSE_S: Final = 10.0
+MAX_PAUSE_S: Final = 10.0
 """Default and maximum pause between two tries, in seconds."""
-LOOK_S: Final = 3.0
+HOST_REFRESH_S: Final = 3.0
 """Interval at which the director is asked for a scene's host, in seconds."""
-DOUBT_S: Final = 1.0
+HOST_RECHECK_S: Final = 1.0
 """Minimum interval at which it is asked about a host that has refused a request, in seconds."""
 ANSWER_S: Final = 1.0
 """Timeout of its answer in seconds, after which the known host is kept."""
 MOST_SCENES: Final = 256
 """Maximum number of scenes with a known host."""
-AT_ONCE: Final = 4
+MAX_CONCURRENT: Final = 4
 """Useful number of concurrent requests: enough to keep a renderer and the encoders behind it busy."""
 LOAD_S: Final = 300
 STOP_S: Final = 5
@@ -61,14 +61,14 @@ class RenderProblem(TigasError):
         self.title = problem.title
 
 
-async def retried(ask: Callable[[], Awaitable[httpx.Response]]) -> httpx.Response:
-    """Repeat a request while the answer's status is in LATER, up to TRIES times. Raises as `ask` does."""
-    for _ in range(TRIES - 1):
+async def send_with_retries(ask: Callable[[], Awaitable[httpx.Response]]) -> httpx.Response:
+    """Repeat a request while the answer's status is in RETRY_STATUSES, up to MAX_TRIES times. Raises as `ask` does."""
+    for _ in range(MAX_TRIES - 1):
         answer = await ask()
-        if answer.status_code not in LATER:
+        if answer.status_code not in RETRY_STATUSES:
             return answer
-        told = answer.headers.get("retry-after", "")
-        await asyncio.sleep(min(float(told), LONGEST_PAUSE_S) if told.isdecimal() else PAUSE_S)
+        retry_after = answer.headers.get("retry-after", "")
+        await asyncio.sleep(min(float(retry_after), MAX_PAUSE_S) if retry_after.isdecimal() else PAUSE_S)
     return await ask()
 
 
@@ -97,7 +97,7 @@ class SceneHosts:
 
         timeout_s: for each host. Raises httpx.HTTPError and httpx.InvalidURL.
         """
-        host = await self._host_of(scene)
+        host = await self._find_host(scene)
         gone: httpx.TransportError | None = None
         answer: httpx.Response | None = None
         try:
@@ -106,7 +106,7 @@ class SceneHosts:
             gone = error
         if answer is not None and answer.status_code != httpx.codes.SERVICE_UNAVAILABLE:
             return answer
-        other = await self._another(scene, host, "lost" if gone else "silent")
+        other = await self._find_other_host(scene, host, "lost" if gone else "silent")
         if other is not None:
             return await self._http.request(method, other.base_url + path, content=content, timeout=timeout_s)
         if answer is None:
@@ -114,24 +114,24 @@ class SceneHosts:
             raise gone
         return answer
 
-    async def _host_of(self, scene: str) -> _Host:
+    async def _find_host(self, scene: str) -> _Host:
         known = self._hosts.get(scene)
         if known is None:
-            return await self._ask(scene, _Host(None, "", self._clock()))
-        if known.name is not None and self._clock() >= known.asked_at + LOOK_S:
-            return await self._ask(scene, known, at=known.name)
+            return await self._ask_director(scene, _Host(None, "", self._clock()))
+        if known.name is not None and self._clock() >= known.asked_at + HOST_REFRESH_S:
+            return await self._ask_director(scene, known, at=known.name)
         return known
 
-    async def _another(self, scene: str, host: _Host, doubt: Literal["silent", "lost"]) -> _Host | None:
+    async def _find_other_host(self, scene: str, host: _Host, doubt: Literal["silent", "lost"]) -> _Host | None:
         """Another host of the scene, if the director names one."""
         known = self._hosts.get(scene, host)
         if known.base_url == host.base_url and host.name is not None:
-            if doubt == "silent" and self._clock() < known.asked_at + DOUBT_S:
+            if doubt == "silent" and self._clock() < known.asked_at + HOST_RECHECK_S:
                 return None
-            known = await self._ask(scene, known, **{doubt: host.name})
+            known = await self._ask_director(scene, known, **{doubt: host.name})
         return known if known.base_url != host.base_url else None
 
-    async def _ask(self, scene: str, known: _Host, **about: str) -> _Host:
+    async def _ask_director(self, scene: str, known: _Host, **about: str) -> _Host:
         """The director's answer, or the known host if it does not answer."""
         if scene in self._hosts:
             self._hosts[scene] = known = replace(known, asked_at=self._clock())  # concurrent requests need not ask
@@ -158,38 +158,38 @@ class RenderClient:
 
     @classmethod
     @asynccontextmanager
-    async def at(cls, url: str) -> AsyncIterator[Self]:
-        """Connect to a URL during the context, with retries. The caller may request AT_ONCE frames at a time."""
-        limits = httpx.Limits(max_connections=AT_ONCE)
+    async def connect(cls, url: str) -> AsyncIterator[Self]:
+        """Connect to a URL during the context, with retries. The caller may request MAX_CONCURRENT frames at a time."""
+        limits = httpx.Limits(max_connections=MAX_CONCURRENT)
         async with httpx.AsyncClient(base_url=url, trust_env=False, verify=False, limits=limits) as http:
             yield cls(http, f"The render service at {url}", patient=True)
 
     async def config(self, timeout_s: float = FRAME_S) -> ServerConfig:
-        return self._parsed(ServerConfig, await self._ask(lambda: self._http.get("/config.json", timeout=timeout_s)))
+        return self._parse(ServerConfig, await self._send(lambda: self._http.get("/config.json", timeout=timeout_s)))
 
     async def scenes(self, timeout_s: float = FRAME_S) -> list[SceneInfo]:
-        return self._parsed(list[SceneInfo], await self._ask(lambda: self._http.get("/scenes", timeout=timeout_s)))
+        return self._parse(list[SceneInfo], await self._send(lambda: self._http.get("/scenes", timeout=timeout_s)))
 
     async def load(self, scene: str) -> SceneInfo:
         """Load a scene, and return its description."""
         path = f"/scenes/{quote(scene, safe='')}/load"
-        ask = self._ask(lambda: self._hosts.request(scene, "POST", path, content=None, timeout_s=LOAD_S))
-        return self._parsed(SceneInfo, await ask)
+        ask = self._send(lambda: self._hosts.request(scene, "POST", path, content=None, timeout_s=LOAD_S))
+        return self._parse(SceneInfo, await ask)
 
     async def prepare_download(self, scene: str) -> None:
         """Have a scene's download file made, which takes seconds for a large one."""
         path, first_byte = f"/scenes/{quote(scene, safe='')}/download/compressed", {"Range": "bytes=0-0"}
-        await self._ask(lambda: self._http.get(path, headers=first_byte, timeout=LOAD_S))
+        await self._send(lambda: self._http.get(path, headers=first_byte, timeout=LOAD_S))
 
     async def frame(self, request: RenderRequest, timeout_s: float = FRAME_S) -> bytes:
         body = request.model_dump_json(exclude_none=True)
-        return await self._ask(
+        return await self._send(
             lambda: self._hosts.request(request.scene, "POST", "/render", content=body, timeout_s=timeout_s)
         )
 
-    async def _ask(self, ask: Callable[[], Awaitable[httpx.Response]]) -> bytes:
+    async def _send(self, ask: Callable[[], Awaitable[httpx.Response]]) -> bytes:
         try:
-            answer = await (retried(ask) if self._patient else ask())
+            answer = await (send_with_retries(ask) if self._patient else ask())
         except (httpx.HTTPError, httpx.InvalidURL) as error:
             raise RenderUnavailable(f"{self._name} does not answer ({str(error) or type(error).__name__}).") from None
         if answer.is_success:
@@ -202,7 +202,7 @@ class RenderClient:
             ) from None
         raise RenderProblem(problem)
 
-    def _parsed(self, kind: type[Message], content: bytes) -> Message:
+    def _parse(self, kind: type[Message], content: bytes) -> Message:
         try:
             return parse(kind, content, MAX_LIST)
         except TigasError:
@@ -210,10 +210,12 @@ class RenderClient:
 
 
 @contextmanager
-def render_service(device: str = "auto", *, ladder: LadderName = "scene") -> Iterator[str]:
+def run_render_service(device: str = "auto", *, ladder: LadderName = "scene") -> Iterator[str]:
     """Run a render service on this machine until the context ends, and yield its URL. Raises StartError."""
     options = ["--http", "127.0.0.1:0", "--quic", "off", "--device", device, "--ladder", ladder]
-    with running(tigas("render", *options), STOP_S, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as process:
+    with run_process(
+        tigas_command("render", *options), STOP_S, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
+    ) as process:
         assert process.stdout is not None
         last = "no output"
         for line in process.stdout:

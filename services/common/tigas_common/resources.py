@@ -15,7 +15,7 @@ CAP_NET_ADMIN = 12
 """Configure network interfaces, filters and queues (capabilities(7))."""
 CAP_SYS_ADMIN = 21
 """Create network namespaces."""
-GIVE_BACK_EVERY_S = 10.0
+RELEASE_EVERY_S = 10.0
 """Seconds for which a service may hold on to unused memory."""
 _M_ARENA_MAX = -8
 
@@ -27,7 +27,7 @@ def has_capabilities(*capabilities: int) -> bool:
     return all(effective >> capability & 1 for capability in capabilities)
 
 
-def keep_together() -> None:
+def use_one_arena() -> None:
     """Make all threads allocate from one glibc arena, as only the first arena can return memory to the system.
 
     Must be called before threads start.
@@ -36,14 +36,14 @@ def keep_together() -> None:
         ctypes.CDLL(None).mallopt(_M_ARENA_MAX, 1)
 
 
-def give_back() -> None:
+def release_memory() -> None:
     """Collect garbage and return free memory (malloc_trim(3), with glibc). Takes milliseconds."""
     gc.collect()
     with suppress(AttributeError, OSError, TypeError):
         ctypes.CDLL(None).malloc_trim(0)
 
 
-async def give_back_regularly() -> None:
+async def keep_releasing_memory() -> None:
     """Return free memory periodically, in a thread, until cancelled.
 
     Objects from start-up are frozen, as scanning them for garbage each time would stall the service.
@@ -51,8 +51,8 @@ async def give_back_regularly() -> None:
     gc.collect()
     gc.freeze()
     while True:
-        await asyncio.sleep(GIVE_BACK_EVERY_S)
-        await asyncio.to_thread(give_back)
+        await asyncio.sleep(RELEASE_EVERY_S)
+        await asyncio.to_thread(release_memory)
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,12 +92,12 @@ def quotas(root: Path = Path("/")) -> Iterator[Quota]:
             if not group.is_relative_to(top):
                 break
             with suppress(OSError, ValueError):
-                quota = (_version_1 if controllers else _version_2)(group)
+                quota = (_read_v1_quota if controllers else _read_v2_quota)(group)
                 if quota.processors > 0:
                     yield quota
 
 
-def _version_2(group: Path) -> Quota:
+def _read_v2_quota(group: Path) -> Quota:
     """Read a cgroup v2 quota. Raises OSError, and ValueError if there is no limit (`max 100000`)."""
     limit, period = (group / "cpu.max").read_text().split()
     counted = _counters(group)
@@ -106,7 +106,7 @@ def _version_2(group: Path) -> Quota:
     return Quota(group, int(limit) / int(period), used_s, counted.get("nr_throttled", 0))
 
 
-def _version_1(group: Path) -> Quota:
+def _read_v1_quota(group: Path) -> Quota:
     """Read a cgroup v1 quota, which is negative if there is no limit. Raises OSError and ValueError."""
     limit, period = (int((group / f"cpu.cfs_{name}_us").read_text()) for name in ("quota", "period"))
     used_s: float | None = None

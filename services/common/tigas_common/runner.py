@@ -20,7 +20,7 @@ from tigas_common.errors import Overloaded, StartError, problem
 from tigas_common.http_server import LimitedServer, Server
 from tigas_common.limits import HttpLimits
 from tigas_common.parsing import MAX_BODY
-from tigas_common.resources import give_back_regularly
+from tigas_common.resources import keep_releasing_memory
 from tigas_common.web import problem_response
 
 UNIX_IDLE_S = 60
@@ -53,7 +53,7 @@ async def serve_listener(
 ) -> AsyncIterator[int]:
     """Like `serve_http`, on a listening socket that other processes may share; it is closed at the end."""
     config = uvicorn.Config(
-        answer_cancelled(app),
+        handle_cancelled(app),
         lifespan="off",
         log_level="critical",  # applications log their own failures, and the rest are disconnects
         access_log=False,
@@ -70,7 +70,7 @@ async def serve_listener(
 async def serve_unix(app: Any, path: Path) -> AsyncIterator[None]:
     """Serve an ASGI application on a Unix socket to our own processes, whose `X-Forwarded-For` is trusted."""
     config = uvicorn.Config(
-        answer_cancelled(app),
+        handle_cancelled(app),
         uds=str(path),
         lifespan="off",
         log_level="critical",
@@ -105,29 +105,29 @@ async def _running(server: Server, sockets: list[socket.socket] | None) -> Async
             await running
 
 
-def answer_cancelled(app: ASGIApp) -> ASGIApp:
+def handle_cancelled(app: ASGIApp) -> ASGIApp:
     """Wrap an application: requests cancelled by a shutdown are answered with 503 instead of uvicorn's 500."""
 
-    async def answering(scope: Scope, receive: Receive, send: Send) -> None:
+    async def wrapped(scope: Scope, receive: Receive, send: Send) -> None:
         started = False
 
-        async def noting(message: Message) -> None:
+        async def tracked_send(message: Message) -> None:
             nonlocal started
             started = True
             await send(message)
 
         try:
-            await app(scope, receive, noting)
+            await app(scope, receive, tracked_send)
         except asyncio.CancelledError:
             if started or scope["type"] != "http":
                 raise
             await problem_response(problem(Overloaded(STOPPING)))(scope, receive, send)
 
-    return answering
+    return wrapped
 
 
 @contextmanager
-def explained(address: Address, flag: str) -> Iterator[None]:
+def listen_errors(address: Address, flag: str) -> Iterator[None]:
     """Turn OSErrors about an address, which `flag` sets, into a StartError."""
     try:
         yield
@@ -137,13 +137,13 @@ def explained(address: Address, flag: str) -> Iterator[None]:
         raise StartError(f"Cannot listen on {address} ({reason}); choose another with {flag}.") from None
 
 
-async def until_stopped() -> None:
+async def wait_for_stop() -> None:
     """Wait for SIGINT or SIGTERM, and return free memory to the system meanwhile."""
     stopped = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, stopped.set)
-    memory = asyncio.create_task(give_back_regularly())
+    memory = asyncio.create_task(keep_releasing_memory())
     try:
         await stopped.wait()
     finally:

@@ -13,7 +13,7 @@ from tigas_common.wire.render import StartCamera
 
 FOV_Y = 60.0
 """Vertical field of view of all views, in degrees."""
-PER_MOVEMENT = 6
+VIEWS_PER_MOVEMENT = 6
 """Views taken from each movement."""
 NEAR, NEAR_DEGREES = 0.1, 15.0
 """Limits below which two views are neighbours: the distance between them, as a share of that from the start camera to
@@ -29,9 +29,9 @@ def intrinsics(width: int, height: int) -> Intrinsics:
     return Intrinsics(focal, focal, width / 2, height / 2, width, height)
 
 
-def along(movement: Movement, chance: Random) -> list[Pose]:
+def sample_movement(movement: Movement, chance: Random) -> list[Pose]:
     """Views along one movement, from start to end."""
-    return [movement((step + chance.random()) / PER_MOVEMENT) for step in range(PER_MOVEMENT)]
+    return [movement((step + chance.random()) / VIEWS_PER_MOVEMENT) for step in range(VIEWS_PER_MOVEMENT)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +46,7 @@ class SceneAxes:
     view: float
 
     @classmethod
-    def of(cls, camera: StartCamera, up: Point) -> SceneAxes:
+    def from_camera(cls, camera: StartCamera, up: Point) -> SceneAxes:
         """Axes of a scene with this start camera and up direction, of any length."""
         origin, subject = camera.position, camera.look_at
         up = _scaled(1 / math.hypot(*up), up)
@@ -65,9 +65,9 @@ class SceneAxes:
 
         def at(time: float) -> Pose:
             turn, lift = math.radians(yaw(time)), math.radians(pitch(time))
-            stand = self._moved(self.origin, aside(time), height(time), forward(time))
+            stand = self._offset(self.origin, aside(time), height(time), forward(time))
             level, rise = math.cos(lift), math.sin(lift)
-            towards = self._moved(stand, level * math.sin(turn), rise, level * math.cos(turn))
+            towards = self._offset(stand, level * math.sin(turn), rise, level * math.cos(turn))
             return Pose.look_at(stand, towards, self.up)
 
         return at
@@ -80,8 +80,8 @@ class SceneAxes:
 
         def at(time: float) -> Pose:
             angle, radius = start + way * time, max(0.2, distance(time))
-            stand = self._moved(self.subject, radius * math.sin(angle), height(time), radius * math.cos(angle))
-            return Pose.look_at(stand, self._moved(self.subject, aside(time), above(time), 0), self.up)
+            stand = self._offset(self.subject, radius * math.sin(angle), height(time), radius * math.cos(angle))
+            return Pose.look_at(stand, self._offset(self.subject, aside(time), above(time), 0), self.up)
 
         return at
 
@@ -92,7 +92,7 @@ class SceneAxes:
         cosine = sum(row[2] * theirs[2] for row, theirs in zip(one.rotation, other.rotation, strict=True))
         return cosine > math.cos(math.radians(NEAR_DEGREES))
 
-    def _moved(self, point: Vector3, right: float, up: float, ahead: float) -> Vector3:
+    def _offset(self, point: Vector3, right: float, up: float, ahead: float) -> Vector3:
         way = _sum(_scaled(right, self.right), _sum(_scaled(up, self.up), _scaled(ahead, self.ahead)))
         return _sum(point, _scaled(self.view, way))
 

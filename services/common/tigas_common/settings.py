@@ -21,7 +21,7 @@ from pydantic_settings import (
     SettingsConfigDict,
 )
 
-from tigas_common.address import Address, host_of, host_of_origin
+from tigas_common.address import Address, parse_host, parse_origin_host
 from tigas_common.command import NO_FLAG, Metavar
 from tigas_common.errors import UsageError
 from tigas_common.limits import ServiceHttpLimits
@@ -47,14 +47,14 @@ def _address_or_off(value: Any) -> Any:
 
 
 def _host(value: str) -> str:
-    if host_of(value) != value.lower():
+    if parse_host(value) != value.lower():
         raise ValueError(f"{value!r} is not a host name, such as tigas.example.org")
     return value.lower()
 
 
 def _page(value: str) -> str:
     page = value.lower().removesuffix("/")
-    if host_of_origin(page) is None and not WEBVIEW.fullmatch(page):
+    if parse_origin_host(page) is None and not WEBVIEW.fullmatch(page):
         raise ValueError(f"{value!r} is not a page's origin, such as https://tigas.example.org")
     return page
 
@@ -62,7 +62,7 @@ def _page(value: str) -> str:
 def _base_url(value: str) -> str:
     base = value.removesuffix("/")
     with suppress(ValueError):
-        if host_of_origin(base) is not None and urlsplit(base).port != 0:
+        if parse_origin_host(base) is not None and urlsplit(base).port != 0:
             return value
     raise ValueError(f"{value!r} is not a service's URL, such as http://127.0.0.1:8080")
 

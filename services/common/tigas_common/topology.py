@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Literal
 from urllib.parse import urlsplit
 
-from tigas_common.address import Address, bracketed, is_loopback
+from tigas_common.address import Address, bracket_host, is_loopback
 
 ServiceName = Literal["dash", "shaper", "store"]
 """Names that the page uses for the services other than the render service."""
@@ -29,7 +29,7 @@ class Port:
         return Address("127.0.0.1", self.number)
 
     @property
-    def everywhere(self) -> Address:
+    def all_interfaces(self) -> Address:
         """The port on every address of the host."""
         return Address("0.0.0.0", self.number)
 
@@ -59,13 +59,13 @@ UPSTREAMS_VARIABLE = "TIGAS_RENDER_UPSTREAMS"
 """The environment variable that holds the render service's setting `upstreams`."""
 
 
-def page_services(*, shaped: bool, store: bool = True) -> str:
+def services_json(*, shaped: bool, store: bool = True) -> str:
     """The render service's setting `services` as JSON: the other services, on the page's own host."""
     services = {"dash": DASH, **({"shaper": SHAPER} if shaped else {}), **({"store": STORE} if store else {})}
     return json.dumps({name: f":{port.number}" for name, port in services.items()})
 
 
-def upstreams(*, shaper_host: str | None = None, store: bool = True) -> str:
+def upstreams_json(*, shaper_host: str | None = None, store: bool = True) -> str:
     """Its setting `upstreams` as JSON: packager and store on the same machine, and the shaper on its host."""
     addresses = {"dash": DASH.loopback, **({"store": STORE.loopback} if store else {})}
     if shaper_host is not None:
@@ -73,15 +73,15 @@ def upstreams(*, shaper_host: str | None = None, store: bool = True) -> str:
     return json.dumps({name: f"http://{address}" for name, address in addresses.items()})
 
 
-def fitted(url: str, host: str) -> str:
+def resolve_service_url(url: str, host: str) -> str:
     """A service's URL for a page opened under `host`; a bare `:PORT` is a port of that host."""
-    return f"http://{bracketed(host)}{url}" if url.startswith(":") else url
+    return f"http://{bracket_host(host)}{url}" if url.startswith(":") else url
 
 
-def reached(page: str, services: Mapping[str, str], upstreams: Mapping[ServiceName, str]) -> dict[str, str]:
+def reachable_services(page: str, services: Mapping[str, str], upstreams: Mapping[ServiceName, str]) -> dict[str, str]:
     """Each service's URL for a page with this origin: the service's own if the page can reach it, else a proxied path.
 
-    services: URLs for `fitted`. upstreams: URLs of proxied services, which other machines need not be able to reach.
+    services: URLs for `resolve_service_url`. upstreams: URLs of proxied services, perhaps unreachable elsewhere.
     """
     own = urlsplit(page)
     host = own.hostname or "localhost"
@@ -95,5 +95,5 @@ def reached(page: str, services: Mapping[str, str], upstreams: Mapping[ServiceNa
         elsewhere = is_loopback(urlsplit(upstream).hostname or "") and not is_loopback(host)
         return not (url.startswith(":") and elsewhere)
 
-    found = {name: fitted(url, host) for name, url in services.items() if direct(name, url)}
+    found = {name: resolve_service_url(url, host) for name, url in services.items() if direct(name, url)}
     return {name: f"{page}{SERVICES_PATH}/{name}" for name in upstreams} | found

@@ -31,7 +31,7 @@ Ancillary = tuple[int, int, bytes]
 class Peer(Address):
     """A sender's address, with the local address to which it wrote and from which answers leave."""
 
-    answers: tuple[Ancillary, ...] = ()
+    reply_ancillary: tuple[Ancillary, ...] = ()
     """The control message that selects the local address."""
 
 
@@ -66,7 +66,7 @@ MAX_BATCH = 64_000
 BATCH_REFUSED = frozenset((errno.EINVAL, errno.EIO, errno.EMSGSIZE, errno.ENOPROTOOPT, errno.EOPNOTSUPP))
 """Errors of a kernel that cannot cut a batch: an old kernel, a device without checksums, IPsec, or a small path MTU.
 The latter is EMSGSIZE from Linux 6.14 on and EINVAL before."""
-BATCHES_AGAIN_S, MOST_REFUSED = 60.0, 1024
+BATCH_RETRY_S, MAX_REFUSED = 60.0, 1024
 """Seconds for which an address gets single datagrams after a refused batch, and the number of addresses remembered."""
 
 NO_IPV6 = (errno.EAFNOSUPPORT, errno.EADDRNOTAVAIL)
@@ -105,7 +105,7 @@ def bind(host: str, port: int) -> socket.socket:
     return _bind(family, address)
 
 
-def bind_another(sock: socket.socket) -> socket.socket:
+def bind_shared(sock: socket.socket) -> socket.socket:
     """Another socket with the same address; the kernel distributes datagrams among them.
 
     The first one was bound exclusively, so the port belongs to us.
@@ -127,9 +127,9 @@ def _bind(family: int, address: Address, *, shared: bool = False) -> socket.sock
                 sock.setsockopt(socket.SOL_SOCKET, forced, SOCKET_BUFFER)  # needs CAP_NET_ADMIN
             except OSError:
                 sock.setsockopt(socket.SOL_SOCKET, option, SOCKET_BUFFER)
-        ask_for_stamps(sock)
+        enable_timestamps(sock)
         if address[0] in ("0.0.0.0", "::"):
-            _ask_for_destinations(sock)
+            _enable_destinations(sock)
         sock.bind(address)
     except BaseException:
         sock.close()
@@ -168,7 +168,7 @@ class UdpEndpoint:
 
     def send(self, datagrams: list[Datagram]) -> None:
         """Send now, or as soon as the socket has room. Datagrams refused by the network are dropped."""
-        pending = batches(datagrams)
+        pending = group_datagrams(datagrams)
         if self._backlog:
             self._wait(pending)
             return
@@ -193,8 +193,10 @@ class UdpEndpoint:
             while now < until:
                 data, ancillary, _, address = self._sock.recvmsg(MAX_DATAGRAM, ANCILLARY_SPACE)
                 now = time.monotonic()
-                stamp = stamp_ns(ancillary)
-                self._received(data, peer(address, ancillary), arrival(stamp, time.time_ns(), now, self._empty_at))
+                stamp = kernel_timestamp_ns(ancillary)
+                self._received(
+                    data, sender_address(address, ancillary), arrival_time(stamp, time.time_ns(), now, self._empty_at)
+                )
         except BlockingIOError:
             self._empty_at = time.monotonic()
         except InterruptedError:
@@ -218,21 +220,21 @@ class UdpEndpoint:
 
     def _send(self, batch: list[bytes], address: Address) -> bool:
         """Send a batch. Returns False if the socket is full."""
-        if len(batch) > 1 and self._takes_batches(address):
+        if len(batch) > 1 and self._can_batch(address):
             try:
-                self._sock.sendmsg(batch, (*segment_size(batch), *answers(address)), 0, address)
+                self._sock.sendmsg(batch, (*segment_size_message(batch), *reply_ancillary(address)), 0, address)
             except (BlockingIOError, InterruptedError):
                 return False
             except OSError as error:
                 if error.errno not in BATCH_REFUSED:
                     logger.debug("UDP send to %s failed: %s", address, error)
                     return True
-                self._refuse(address)
+                self._disable_batches(address)
             else:
                 return True
         return self._send_singly(batch, address)
 
-    def _takes_batches(self, address: Address) -> bool:
+    def _can_batch(self, address: Address) -> bool:
         until = self._singly_until.get(address)
         if until is None:
             return True
@@ -241,17 +243,17 @@ class UdpEndpoint:
         del self._singly_until[address]
         return True
 
-    def _refuse(self, address: Address) -> None:
+    def _disable_batches(self, address: Address) -> None:
         """Send single datagrams to an address for some time, as its path probably refuses batches."""
         self._refused()
-        if len(self._singly_until) >= MOST_REFUSED:
+        if len(self._singly_until) >= MAX_REFUSED:
             del self._singly_until[next(iter(self._singly_until))]
-        self._singly_until[address] = self._clock() + BATCHES_AGAIN_S
+        self._singly_until[address] = self._clock() + BATCH_RETRY_S
 
     def _send_singly(self, batch: list[bytes], address: Address) -> bool:
         while batch:
             try:
-                self._sock.sendmsg(batch[:1], answers(address), 0, address)
+                self._sock.sendmsg(batch[:1], reply_ancillary(address), 0, address)
             except (BlockingIOError, InterruptedError):
                 return False
             except OSError as error:
@@ -260,7 +262,7 @@ class UdpEndpoint:
         return True
 
 
-def batches(datagrams: Sequence[Datagram]) -> Iterator[tuple[list[bytes], Address]]:
+def group_datagrams(datagrams: Sequence[Datagram]) -> Iterator[tuple[list[bytes], Address]]:
     """Group consecutive datagrams that may leave in one call: same address and size; only the last may be shorter."""
     start = 0
     while start < len(datagrams):
@@ -279,18 +281,18 @@ def batches(datagrams: Sequence[Datagram]) -> Iterator[tuple[list[bytes], Addres
         start = stop
 
 
-def segment_size(batch: Sequence[bytes]) -> list[Ancillary]:
+def segment_size_message(batch: Sequence[bytes]) -> list[Ancillary]:
     """The control message with the segment size of a batch."""
     return [(SOL_UDP, UDP_SEGMENT, struct.pack("=H", len(batch[0])))]
 
 
-def ask_for_stamps(sock: socket.socket) -> None:
+def enable_timestamps(sock: socket.socket) -> None:
     """Enable the kernel's timestamps, where available."""
     with contextlib.suppress(OSError):
         sock.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
 
 
-def _ask_for_destinations(sock: socket.socket) -> None:
+def _enable_destinations(sock: socket.socket) -> None:
     """Enable destination addresses on a socket bound to all addresses, where available."""
     if sys.platform != "linux":
         return
@@ -301,7 +303,7 @@ def _ask_for_destinations(sock: socket.socket) -> None:
         sock.setsockopt(level, option, 1)
 
 
-def peer(address: Address, ancillary: Sequence[Ancillary]) -> Address:
+def sender_address(address: Address, ancillary: Sequence[Ancillary]) -> Address:
     """A datagram's sender, with the local address to which it wrote if the control messages include it."""
     for level, kind, data in ancillary:
         if (level, kind) == (socket.IPPROTO_IP, IP_PKTINFO) and len(data) == _PKTINFO.size:
@@ -313,17 +315,17 @@ def peer(address: Address, ancillary: Sequence[Ancillary]) -> Address:
         else:
             continue
         address = Peer(address)
-        address.answers = ((level, kind, info),)
+        address.reply_ancillary = ((level, kind, info),)
         return address
     return address
 
 
-def answers(address: Address) -> tuple[Ancillary, ...]:
+def reply_ancillary(address: Address) -> tuple[Ancillary, ...]:
     """Control messages for datagrams to an address."""
-    return address.answers if isinstance(address, Peer) else ()
+    return address.reply_ancillary if isinstance(address, Peer) else ()
 
 
-def stamp_ns(ancillary: Sequence[Ancillary]) -> int | None:
+def kernel_timestamp_ns(ancillary: Sequence[Ancillary]) -> int | None:
     """The kernel timestamp in a datagram's control messages, in nanoseconds of the real-time clock."""
     for level, kind, data in ancillary:
         if (level, kind) == (socket.SOL_SOCKET, SO_TIMESTAMPNS) and len(data) == _TIMESPEC.size:
@@ -332,7 +334,7 @@ def stamp_ns(ancillary: Sequence[Ancillary]) -> int | None:
     return None
 
 
-def arrival(stamp: int | None, real_ns: int, now: float, empty_at: float) -> float:
+def arrival_time(stamp: int | None, real_ns: int, now: float, empty_at: float) -> float:
     """Arrival of a datagram, in seconds of the monotonic clock.
 
     real_ns, now: the two clocks, read together. empty_at: when the socket was last seen empty, a lower bound for

@@ -17,7 +17,7 @@ from starlette.responses import JSONResponse, Response
 
 from tigas_common.errors import BodyTooLarge, InvalidRequest, RequestTimeout, TigasError, problem
 from tigas_common.limits import IdleTimeout
-from tigas_common.parsing import MAX_BODY, Message, legible, parse
+from tigas_common.parsing import MAX_BODY, Message, parse, quotable
 from tigas_common.wire.render import Problem
 
 logger = logging.getLogger(__name__)
@@ -27,7 +27,7 @@ BODY_S = 10.0
 BODY_BYTES_PER_S = 500.0
 """Sustained rate below which a body is abandoned."""
 
-ARRIVED = "arrived"
+ARRIVAL_KEY = "arrived"
 """Key of the request's arrival time in an ASGI scope's `state`, in seconds of the monotonic clock."""
 NO_STORE = {"Cache-Control": "no-store"}
 """Header of responses that must not be cached."""
@@ -75,7 +75,7 @@ def list_response(models: Iterable[Model]) -> ModelResponse[list[Model]]:
     return ModelResponse(f"[{','.join(model.model_dump_json() for model in models)}]")
 
 
-class Tagged:
+class CachedContent:
     """Content with an ETag, not sent again to clients that have it. Hash large content in a thread."""
 
     def __init__(self, content: bytes, media_type: str) -> None:
@@ -83,15 +83,15 @@ class Tagged:
         self._media_type = media_type
         self._tag = f'"{hashlib.sha256(content).hexdigest()[:32]}"'
 
-    def answer(self, request: Request) -> Response:
+    def response(self, request: Request) -> Response:
         """The content, or 304."""
         headers = {"ETag": self._tag, "Cache-Control": "no-cache"}
-        if has_already(request, self._tag):
+        if is_not_modified(request, self._tag):
             return Response(status_code=304, headers=headers)
         return Response(self._content, media_type=self._media_type, headers=headers)
 
 
-def has_already(request: Request, tag: str) -> bool:
+def is_not_modified(request: Request, tag: str) -> bool:
     known = [each.strip().removeprefix("W/") for each in request.headers.get("if-none-match", "").split(",")]
     return tag in known
 
@@ -117,13 +117,13 @@ async def read_body(request: Request, limit: int) -> bytes:
     loop = asyncio.get_running_loop()
     idle = IdleTimeout(BODY_S, BODY_BYTES_PER_S, loop.time())
     try:
-        async with asyncio.timeout_at(idle.until) as timeout:
+        async with asyncio.timeout_at(idle.expires_at) as timeout:
             async for part in request.stream():
                 body += part
                 if len(body) > limit:
                     raise BodyTooLarge(f"The body is larger than {limit} bytes.")
-                idle.progress(len(part), loop.time())
-                timeout.reschedule(idle.until)
+                idle.extend(len(part), loop.time())
+                timeout.reschedule(idle.expires_at)
     except TimeoutError:
         raise RequestTimeout("The request's body did not arrive in time.") from None
     except ClientDisconnect:
@@ -181,9 +181,9 @@ def error_response(error: Exception) -> Response:
 async def on_http_error(request: Request, error: Exception) -> Response:
     """Answer Starlette's own errors: unknown paths and wrong methods."""
     assert isinstance(error, HTTPException)
-    path = legible(request.url.path, 100)
+    path = quotable(request.url.path, 100)
     if error.status_code == 405:
-        detail = f"{path} does not accept {legible(request.method, 20)}."
+        detail = f"{path} does not accept {quotable(request.method, 20)}."
         answer = Problem(type="tigas:method-not-allowed", title="Method not allowed", status=405, detail=detail)
     else:
         detail = f"There is nothing at {path}."

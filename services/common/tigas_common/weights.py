@@ -20,7 +20,7 @@ from pydantic import Field
 
 from tigas_common.errors import TigasError
 from tigas_common.files import read_regular, replace_file
-from tigas_common.parsing import legible, parse
+from tigas_common.parsing import parse, quotable
 from tigas_common.wire.model import MAX_SIDE, Entries, WireModel
 from tigas_common.wire.render import Rung
 
@@ -30,7 +30,7 @@ FILE = "enhance.safetensors"
 GENERAL = "general"
 """Value of `scene_sha256` for weights trained on several scenes, which suit any scene."""
 MAX_BYTES = 1_000_000
-NEAR = 1.25
+MAX_HEIGHT_RATIO = 1.25
 """A network serves rungs from its own rung's height divided by this factor up to its multiple."""
 _METADATA = ("architecture", "scene_sha256", "networks", "created", "version")
 
@@ -95,11 +95,11 @@ class Weights:
         return None
 
     def network_for(self, rung: Rung) -> NetworkInfo | None:
-        """The network trained for the height nearest to a rung's, within a factor of NEAR.
+        """The network trained for the height nearest to a rung's, within a factor of MAX_HEIGHT_RATIO.
 
         Ties are broken by the nearer quality. None if the rung's frames are to be enlarged bicubically.
         """
-        near = [each for each in self.networks if 1 / NEAR <= each.height / rung.height <= NEAR]
+        near = [each for each in self.networks if 1 / MAX_HEIGHT_RATIO <= each.height / rung.height <= MAX_HEIGHT_RATIO]
         return min(near, key=lambda each: distance(each, rung), default=None)
 
     def to_bytes(self) -> bytes:
@@ -134,7 +134,7 @@ def parse_weights(content: bytes) -> Weights:
         raise BrokenWeights("The weights are not a complete safetensors file.") from None
     metadata = _metadata(content)
     if metadata["architecture"] != ARCHITECTURE:
-        known = legible(metadata["architecture"], 60)
+        known = quotable(metadata["architecture"], 60)
         raise BrokenWeights(f"The weights are for the architecture {known!r}; this is {ARCHITECTURE!r}.")
     networks = _networks(metadata["networks"])
     expected = {name: shape for network in networks for name, shape in network.shapes.items()}

@@ -13,9 +13,9 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.types import ASGIApp
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from tigas_common.address import host_of
+from tigas_common.address import parse_host
 from tigas_common.errors import TigasError, problem
-from tigas_common.metrics import CountedRequests, metrics_route, new_registry
+from tigas_common.metrics import RequestMetrics, metrics_route, new_registry
 from tigas_common.openapi import index, openapi
 from tigas_common.origins import OriginCheck, OriginPolicy
 from tigas_common.parsing import parse
@@ -84,7 +84,7 @@ def create_app(sessions: Sessions, policy: OriginPolicy, webrtc: WebRtc) -> ASGI
     )
     app.state.sessions = sessions
     app.state.webrtc = webrtc
-    return CountedRequests(OriginCheck(app, policy), app.routes, registry)
+    return RequestMetrics(OriginCheck(app, policy), app.routes, registry)
 
 
 @described(takes=SessionRequest)
@@ -106,7 +106,7 @@ async def open_webrtc(request: Request) -> ModelResponse[WebRtcSession]:
     """Answer an offer to stream over WebRTC."""
     webrtc: WebRtc = request.app.state.webrtc
     wanted = await read_message(request, WebRtcRequest, MAX_OFFER)
-    host = host_of(request.headers["host"]) or ""
+    host = parse_host(request.headers["host"]) or ""
     session = await _sessions(request).start(lambda: webrtc.make(wanted, host))
     await _end_if_alone(request, session)
     return created_response(session.info, f"/sessions/{session.name}")

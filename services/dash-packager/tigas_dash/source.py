@@ -8,7 +8,7 @@ from dataclasses import replace
 from pydantic import ValidationError
 
 from tigas_common.errors import InvalidRequest
-from tigas_common.parsing import sentence
+from tigas_common.parsing import describe_error
 from tigas_common.render_requests import RenderClient, RenderUnavailable
 from tigas_common.wire.dash import PoseUpdate, StreamRequest
 from tigas_common.wire.render import RenderRequest, Rung
@@ -54,7 +54,7 @@ class ViewSource:
                 self._scene, pose.pose, lens, display_scale=self._display_scale, format="yuv420p"
             )
         except ValidationError as error:  # intrinsics valid for the viewport may be too large for the stream's size
-            raise InvalidRequest(f"The stream's size does not fit the intrinsics: {sentence(error)}") from None
+            raise InvalidRequest(f"The stream's size does not fit the intrinsics: {describe_error(error)}") from None
         data = await self._client.frame(request, within_s)
         expected = self._width * self._height * 3 // 2
         if len(data) != expected:

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field
 
-from tigas_common.cli import settings_of
+from tigas_common.cli import load_settings
 from tigas_common.command import POSITIONAL, Command, Group, Metavar
 from tigas_common.errors import StartError
-from tigas_common.processes import terminated_as_interrupted
+from tigas_common.processes import interrupt_on_sigterm
 from tigas_common.terminal import make_console, progress_bar
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ class _EnhanceCommand(Command):
 
         if name is None:
             raise StartError("--general needs the path of a file: --out.")
-        scenes: Path = settings_of("render").scenes
+        scenes: Path = load_settings("render").scenes
         folder = scenes / name
         if Path(name).name != name or not folder.is_dir():
             raise StartError(f"{scenes} has no folder {name!r}.")
@@ -62,11 +62,11 @@ class _EnhanceCommand(Command):
     @contextmanager
     def _renderer(self, *, own_ladders: bool = True) -> Iterator[Renderer]:
         """The running service, or one that runs during the context."""
-        from tigas_common.render_requests import render_service
+        from tigas_common.render_requests import run_render_service
         from tigas_enhance.renderer import Renderer
 
         with ExitStack() as stack:
-            started = render_service(self.device, ladder="scene" if own_ladders else "paper")
+            started = run_render_service(self.device, ladder="scene" if own_ladders else "paper")
             yield stack.enter_context(Renderer.at(self.render or stack.enter_context(started)))
 
 
@@ -88,7 +88,7 @@ class Train(_EnhanceCommand):
         from tigas_common.weights import write_weights
         from tigas_enhance.tuning import tune
 
-        with terminated_as_interrupted():
+        with interrupt_on_sigterm():
             sets = [self.names] if self.general else [[name] for name in self.names]
             if self.out is not None and len(sets) > 1:
                 raise StartError("--out needs a single set: give one scene, or --general.")

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from tigas_common.errors import StartError
 from tigas_common.pose import Pose
-from tigas_common.sample_cameras import SceneAxes, along, intrinsics
+from tigas_common.sample_cameras import SceneAxes, intrinsics, sample_movement
 from tigas_common.wire.render import RenderRequest, Rung, SceneInfo
 from tigas_enhance.renderer import Pixels, Renderer
 
@@ -124,10 +124,10 @@ def training_views(scene: SceneInfo) -> Iterator[Pose]:
 
 def _views(axes: SceneAxes, chance: Random) -> Iterator[Pose]:
     for number in count():
-        yield from along(axes.orbit(chance) if number % 2 else axes.walk(chance), chance)
+        yield from sample_movement(axes.orbit(chance) if number % 2 else axes.walk(chance), chance)
 
 
 def _axes(scene: SceneInfo) -> SceneAxes:
     if scene.camera is None:
         raise StartError(f"The scene {scene.id} has no start camera.")
-    return SceneAxes.of(scene.camera, scene.up)
+    return SceneAxes.from_camera(scene.camera, scene.up)

@@ -29,7 +29,7 @@ class Renderer:
     @contextmanager
     def at(cls, url: str) -> Iterator[Self]:
         """Connect to the service at a URL during the context."""
-        with start_blocking_portal() as portal, portal.wrap_async_context_manager(RenderClient.at(url)) as client:
+        with start_blocking_portal() as portal, portal.wrap_async_context_manager(RenderClient.connect(url)) as client:
             yield cls(portal, client)
 
     def ladder(self, scene: SceneInfo) -> tuple[Rung, ...]:

@@ -14,7 +14,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from tigas_common.weights import GENERAL, NEAR, NetworkInfo, Weights, distance
+from tigas_common.weights import GENERAL, MAX_HEIGHT_RATIO, NetworkInfo, Weights, distance
 from tigas_common.wire.render import Rung
 from tigas_enhance.evaluate import gains
 from tigas_enhance.network import described, rounded, to_tensors
@@ -92,7 +92,7 @@ def training_rungs(ladder: Sequence[Rung]) -> tuple[int, ...]:
 
     def worth(chosen: tuple[int, ...]) -> tuple[int, float]:
         away = [min(distance(ladder[trained], ladder[rung])[0] for trained in chosen) for rung in low]
-        served = [each for each in away if each <= math.log(NEAR)]
+        served = [each for each in away if each <= math.log(MAX_HEIGHT_RATIO)]
         return len(served), -sum(served)
 
     return max(combinations(low, min(NETWORKS, len(low))), key=worth)

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field
 
-from tigas_common.cli import in_a_sentence, log_to_stdout
+from tigas_common.cli import log_to_stdout, report_errors
 from tigas_common.command import POSITIONAL, Command, Group, Metavar, load
 from tigas_common.errors import StartError
 from tigas_common.installation import check_versions
-from tigas_common.processes import terminated_as_interrupted
+from tigas_common.processes import interrupt_on_sigterm
 from tigas_common.terminal import make_console, progress_bar
 from tigas_render.settings import RenderSettings
 
@@ -103,7 +103,7 @@ class Add(Command):
     def run(self) -> None:
         from tigas_render.scenes.library_operations import add_scene, display_name
 
-        with terminated_as_interrupted(), _bar(f"fetching {display_name(self.source)}") as listener:
+        with interrupt_on_sigterm(), _bar(f"fetching {display_name(self.source)}") as listener:
             id, file = add_scene(self.source, load(RenderSettings, {}).scenes, self.id, listener, MAX_DOWNLOAD_BYTES)
         what = f"{file.format}, {file.count:,} Gaussians, SH degree {file.sh_degree}, {file.file_bytes / 1e6:.1f} MB"
         print(f"{file.files[0]}: {what}. A running service offers it as {id} after its next scan.")
@@ -173,7 +173,7 @@ class Ladder(Command):
         from tigas_render.ladder.make import check_plot, find_scene, ladder_path, make_ladder, plot_ladder, write_ladder
         from tigas_render.raster.devices import create_rasterizer
 
-        with in_a_sentence(ValueError):
+        with report_errors(ValueError):
             source = find_scene(self.scene)
             path = self.out or ladder_path(source)
             if self.plot is not None:

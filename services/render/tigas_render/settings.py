@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar
 from pydantic import AfterValidator, BeforeValidator, Field
 from pydantic_settings import NoDecode, SettingsConfigDict
 
-from tigas_common.address import Address, reached_by_others
+from tigas_common.address import Address, reachable_addresses
 from tigas_common.command import NO_FLAG, Metavar
 from tigas_common.settings import MODELS, HostNames, Listen, ListenOrOff, Origins, ServiceSettings
 from tigas_common.topology import PAGE, PAGE_HTTPS, WEBTRANSPORT, ServiceName
@@ -63,9 +63,9 @@ class RenderSettings(ServiceSettings):
     """Models directory: a folder or a file for each scene."""
     lan: bool = False
     """Serve other devices on the network as well, over HTTPS too."""
-    http: Listen = Field(default_factory=lambda given: PAGE.everywhere if given["lan"] else PAGE.loopback)
+    http: Listen = Field(default_factory=lambda given: PAGE.all_interfaces if given["lan"] else PAGE.loopback)
     """Address of the page and the API over HTTP/1.1."""
-    https: ListenOrOff = Field(default_factory=lambda given: PAGE_HTTPS.everywhere if given["lan"] else None)
+    https: ListenOrOff = Field(default_factory=lambda given: PAGE_HTTPS.all_interfaces if given["lan"] else None)
     """Address of the page and the API over HTTPS, for phones and other devices; or `off`."""
     quic: ListenOrOff = Field(
         default_factory=lambda given: Address("::" if given["lan"] else "localhost", WEBTRANSPORT.number)
@@ -106,4 +106,4 @@ class RenderSettings(ServiceSettings):
         """The effective value of `edit_scenes`. Additional allowed hosts or origins suggest a proxy in front."""
         if self.edit_scenes is not None:
             return self.edit_scenes
-        return not (reached_by_others(self.addresses) or self.allow_hosts or self.allow_origins)
+        return not (reachable_addresses(self.addresses) or self.allow_hosts or self.allow_origins)

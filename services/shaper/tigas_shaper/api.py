@@ -19,7 +19,7 @@ from starlette.routing import Route
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from tigas_common.errors import Overloaded
-from tigas_common.metrics import CountedRequests, labelled_counter, labelled_gauge, metrics_route, new_registry
+from tigas_common.metrics import RequestMetrics, labelled_counter, labelled_gauge, metrics_route, new_registry
 from tigas_common.openapi import index, openapi
 from tigas_common.origins import OriginCheck, OriginPolicy
 from tigas_common.web import (
@@ -85,7 +85,7 @@ def create_app(shaper: Shaper, policy: OriginPolicy) -> ASGIApp:
     app.state.watchers = 0
     app.state.uploading = 0
     app.state.reading = asyncio.Lock()
-    return CountedRequests(OriginCheck(app, policy), app.routes, registry)
+    return RequestMetrics(OriginCheck(app, policy), app.routes, registry)
 
 
 async def traces(request: Request) -> ModelResponse[TraceList]:

@@ -12,13 +12,13 @@ import sys
 from collections.abc import Sequence
 from contextlib import AsyncExitStack, suppress
 
-from tigas_common.address import Address, say_if_open
+from tigas_common.address import Address, warn_if_open
 from tigas_common.errors import StartError, TigasError
 from tigas_common.limits import HttpLimits
 from tigas_common.loop_share import LoopShare
 from tigas_common.origins import OriginPolicy
-from tigas_common.resources import CAP_NET_ADMIN, has_capabilities, keep_together
-from tigas_common.runner import explained, serve_http, until_stopped
+from tigas_common.resources import CAP_NET_ADMIN, has_capabilities, use_one_arena
+from tigas_common.runner import listen_errors, serve_http, wait_for_stop
 from tigas_shaper.api import create_app
 from tigas_shaper.link.commands import Interface
 from tigas_shaper.link.gateway import Forward
@@ -29,7 +29,7 @@ from tigas_shaper.settings import ShaperSettings
 
 async def serve(settings: ShaperSettings) -> None:
     """Run the shaper until SIGINT or SIGTERM. Raises StartError."""
-    keep_together()
+    use_one_arena()
     access, service = find_interface(settings.access), find_interface(settings.service)
     if access == service:
         raise StartError(f"The clients and the services must be on different interfaces, but both are on {access}.")
@@ -52,15 +52,19 @@ async def serve(settings: ShaperSettings) -> None:
                 shaper.player.start(await asyncio.to_thread(shaper.library.get, settings.trace))
             except TigasError as error:
                 raise StartError(error.detail) from None
-        with explained(settings.http, "--http"):
-            policy = OriginPolicy.of([settings.http], settings.allow_hosts, settings.allow_origins, programs=False)
+        with listen_errors(settings.http, "--http"):
+            policy = OriginPolicy.from_addresses(
+                [settings.http], settings.allow_hosts, settings.allow_origins, programs=False
+            )
             app = LoopShare(create_app(shaper, policy), settings.http_limits.loop_share_per_address, policy)
-            port = await stack.enter_async_context(serve_http(app, settings.http, HttpLimits.of(settings.http_limits)))
+            port = await stack.enter_async_context(
+                serve_http(app, settings.http, HttpLimits.from_settings(settings.http_limits))
+            )
         shown = ", ".join(settings.forward)
         print(f"Shaping {access} ↔ {service} ({shaper.status().backend}), forwarding {shown}.")
-        say_if_open([settings.http])
+        warn_if_open([settings.http])
         print(f"API on http://{settings.http.reachable_host}:{port}/", flush=True)
-        await until_stopped()
+        await wait_for_stop()
         shaper.stop_watching()
 
 

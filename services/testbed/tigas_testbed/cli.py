@@ -10,10 +10,10 @@ import threading
 from queue import SimpleQueue
 from typing import Annotated
 
-from tigas_common.cli import in_a_sentence
+from tigas_common.cli import report_errors
 from tigas_common.command import POSITIONAL, REST, Command, Group, Metavar
 from tigas_common.errors import StartError
-from tigas_common.installation import install_command, missing_packages, require
+from tigas_common.installation import install_command, missing_packages, require_extras
 from tigas_common.settings import Listen
 from tigas_testbed.namespaces import Lab, Role, check_rights
 from tigas_testbed.services import NAME, https_port, run_demo, run_lab
@@ -26,7 +26,7 @@ class Check(Command):
     """Address of the page over HTTPS, on 127.0.0.1 and behind the same link."""
 
     def run(self) -> None:
-        with in_a_sentence(StartError, subprocess.CalledProcessError):
+        with report_errors(StartError, subprocess.CalledProcessError):
             https_port(self.https)
             check_rights()
 
@@ -39,8 +39,8 @@ class Up(Check):
 
     def run(self) -> None:
         stop = _told_to_stop()
-        with in_a_sentence(StartError, subprocess.CalledProcessError):
-            require("dash", "render", "shaper")
+        with report_errors(StartError, subprocess.CalledProcessError):
+            require_extras("dash", "render", "shaper")
             run_lab(https=self.https, store=_has_store(), stop=stop)
 
 
@@ -48,7 +48,7 @@ class Down(Command):
     """Stop the lab, or clean up after one that was killed."""
 
     def run(self) -> None:
-        with in_a_sentence(StartError, subprocess.CalledProcessError):
+        with report_errors(StartError, subprocess.CalledProcessError):
             check_rights()
             Lab(NAME).stop()
             Lab(NAME).remove()
@@ -63,7 +63,7 @@ class Exec(Command):
     """Command to run there, such as: chromium http://localhost:8080"""
 
     def run(self) -> None:
-        with in_a_sentence(StartError, subprocess.CalledProcessError):
+        with report_errors(StartError, subprocess.CalledProcessError):
             check_rights()
             if not Lab(NAME).exists():
                 raise StartError("The lab is not running: start it with `tigas lab up`.")
@@ -86,7 +86,7 @@ class Demo(Command):
 
     def run(self) -> None:
         stop = _told_to_stop()
-        require("dash", "render")
+        require_extras("dash", "render")
         run_demo(self.render_options, stop, store=_has_store())
 
 

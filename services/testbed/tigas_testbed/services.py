@@ -13,11 +13,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 
-from tigas_common.address import ISOLATED, Address, host_of
-from tigas_common.cli import settings_of
+from tigas_common.address import ISOLATED_VARIABLE, Address, parse_host
+from tigas_common.cli import load_settings
 from tigas_common.errors import StartError
 from tigas_common.installation import COMMIT_VARIABLE, this_commit
-from tigas_common.processes import Service, keep_running, tigas
+from tigas_common.processes import Service, keep_running, tigas_command
 from tigas_common.settings import MODELS
 from tigas_common.topology import (
     DASH,
@@ -29,8 +29,8 @@ from tigas_common.topology import (
     WEBRTC,
     WEBTRANSPORT,
     Port,
-    page_services,
-    upstreams,
+    services_json,
+    upstreams_json,
 )
 from tigas_testbed.namespaces import GATEWAY_SERVICE_ADDRESS, SERVICE_ADDRESS, Lab, check_rights
 from tigas_testbed.user import User, own_code, reaching
@@ -48,19 +48,21 @@ def render_command(scenes: Path | None, https: Port | None = None) -> list[str]:
     """Command of the render service, on all addresses of its namespace."""
     chosen = [
         *(("--scenes", str(scenes)) if scenes else ()),
-        *(("--https", str(https.everywhere)) if https else ()),
+        *(("--https", str(https.all_interfaces)) if https else ()),
     ]
-    return tigas("render", "--http", str(PAGE.everywhere), "--quic", str(WEBTRANSPORT.everywhere), *chosen)
+    return tigas_command(
+        "render", "--http", str(PAGE.all_interfaces), "--quic", str(WEBTRANSPORT.all_interfaces), *chosen
+    )
 
 
 def dash_command() -> list[str]:
     """Command of the packager next to the render service, which it reaches without the shaped link."""
-    return tigas("dash", "--render", f"http://{PAGE.loopback}", "--http", str(DASH.everywhere))
+    return tigas_command("dash", "--render", f"http://{PAGE.loopback}", "--http", str(DASH.all_interfaces))
 
 
 def store_command() -> list[str]:
     """Command of the experiment store, which keeps results in the working directory by default."""
-    return tigas("store", "--http", str(STORE.everywhere))
+    return tigas_command("store", "--http", str(STORE.all_interfaces))
 
 
 def shaper_command(*more: str, https: Port | None = None) -> list[str]:
@@ -68,7 +70,7 @@ def shaper_command(*more: str, https: Port | None = None) -> list[str]:
     ports = (*FORWARDED, *((https,) if https else ()))
     forwards = (f"--forward={port.protocol}:{port.number}={SERVICE_ADDRESS}:{port.number}" for port in ports)
     interfaces = ("--access", "access", "--service", "service")
-    return tigas("shaper", *interfaces, "--http", str(SHAPER.everywhere), *forwards, *more)
+    return tigas_command("shaper", *interfaces, "--http", str(SHAPER.all_interfaces), *forwards, *more)
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +104,7 @@ class Runner:
         return subprocess.Popen(
             command,
             start_new_session=True,
-            env={**own, **self.user.environment(), ISOLATED: "yes", **self.environment, **environment},
+            env={**own, **self.user.environment(), ISOLATED_VARIABLE: "yes", **self.environment, **environment},
         )
 
 
@@ -147,16 +149,16 @@ def run_lab(*, https: Address | None, store: bool, stop: threading.Event) -> Non
     check_rights()
     ports = (*PORTS, *((secure,) if secure else ()))
     check_free(ports)
-    results: Path = settings_of("store").results
-    models: Path = settings_of("render").scenes
+    results: Path = load_settings("store").results
+    models: Path = load_settings("render").scenes
     required = ("--access=access", "--service=service", "--forward=tcp:1=localhost:1")
-    traces: Path | None = settings_of("shaper", required).traces
+    traces: Path | None = load_settings("shaper", required).traces
     lent = (results, *((models,) if models == MODELS else ()))  # an explicitly named directory keeps its owner
     caller, user = User.caller(os.environ), User.of_services(os.environ, Path.cwd())
     options = ("--traces", str(traces)) if traces else ()
     page = {
-        SERVICES_VARIABLE: page_services(shaped=True, store=store),
-        UPSTREAMS_VARIABLE: upstreams(shaper_host=GATEWAY_SERVICE_ADDRESS, store=store),
+        SERVICES_VARIABLE: services_json(shaped=True, store=store),
+        UPSTREAMS_VARIABLE: upstreams_json(shaper_host=GATEWAY_SERVICE_ADDRESS, store=store),
     }
     render = render_command(models, secure)
     with Lab(NAME).up(ports, host=True) as lab:
@@ -180,30 +182,30 @@ def run_lab(*, https: Address | None, store: bool, stop: threading.Event) -> Non
 
 def run_demo(render_options: Sequence[str], stop: threading.Event, *, store: bool) -> None:
     """Run the services without a shaped link until `stop` is set. Raises StartError and UsageError."""
-    services = page_services(shaped=False, store=store)
-    environment = {SERVICES_VARIABLE: services, UPSTREAMS_VARIABLE: upstreams(store=store)} | os.environ
-    page: Address = settings_of("render", render_options).http
+    services = services_json(shaped=False, store=store)
+    environment = {SERVICES_VARIABLE: services, UPSTREAMS_VARIABLE: upstreams_json(store=store)} | os.environ
+    page: Address = load_settings("render", render_options).http
     if page.port not in (0, PAGE.number):
         url = f"http://{page.reachable_host}:{page.port}"
         environment = {"TIGAS_DASH_RENDER": url, "TIGAS_STORE_RENDER": url} | environment
-    dash = tigas("dash")
+    dash = tigas_command("dash")
     if "--lan" in render_options:
-        dash += ("--http", str(DASH.everywhere))  # nothing forwards WebRTC traffic
+        dash += ("--http", str(DASH.all_interfaces))  # nothing forwards WebRTC traffic
 
     def start(argv: Sequence[str], more: Mapping[str, str] = MappingProxyType({})) -> subprocess.Popen[bytes]:
         return subprocess.Popen(argv, start_new_session=True, env={**environment, **more})
 
     running = [
         Service("DASH packager", lambda: start(dash, _own_names("dash"))),
-        Service("render service", lambda: start(tigas("render", *render_options))),
+        Service("render service", lambda: start(tigas_command("render", *render_options))),
     ]
     if store:
-        running.insert(0, Service("experiment store", lambda: start(tigas("store"), _own_names("store"))))
+        running.insert(0, Service("experiment store", lambda: start(tigas_command("store"), _own_names("store"))))
     keep_running(running, stop)
 
 
 def _own_names(service: str) -> dict[str, str]:
     """Environment in which a service also answers to this machine's names on the network."""
     own = socket.gethostname().lower()
-    hosts = (*settings_of(service).allow_hosts, *((own, f"{own}.local") if host_of(own) == own else ()))
+    hosts = (*load_settings(service).allow_hosts, *((own, f"{own}.local") if parse_host(own) == own else ()))
     return {f"TIGAS_{service.upper()}_ALLOW_HOSTS": json.dumps(hosts)}

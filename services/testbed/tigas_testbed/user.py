@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tigas_common.errors import StartError
-from tigas_common.files import NOBODY, give
+from tigas_common.files import NOBODY, change_owner
 
 CACHE = Path("/var/cache")
 """Parent of home directories for users without one."""
@@ -64,7 +64,7 @@ class User:
         """Make the user the owner of a folder, which is created if missing. Raises StartError."""
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            give(folder, self.uid, self.gid)
+            change_owner(folder, self.uid, self.gid)
         except OSError as error:
             raise StartError(f"{folder} cannot be given to user {self.uid}: {error.strerror or error}.") from None
 

@@ -15,7 +15,7 @@ from tests.experiments.made_up import inputs, write_run
 from tests.experiments.samples.renderers import FakeRenderer, patient_client, picture, problem, sampled_run
 from tests.not_files import NOT_FILES
 from tigas_common.errors import StartError
-from tigas_common.render_requests import AT_ONCE, RenderUnavailable
+from tigas_common.render_requests import MAX_CONCURRENT, RenderUnavailable
 from tigas_experiments.quality.picture import CaptureQuality, compare, decode
 from tigas_experiments.records.files import write_lines
 from tigas_experiments.records.folder import StoredRun, capture_path
@@ -143,7 +143,7 @@ async def test_what_is_there_is_not_asked_for_again_after_a_kill(run: Path) -> N
         nonlocal stuck
         if len(first.asked) >= 10:
             stuck += 1
-            if stuck == AT_ONCE:
+            if stuck == MAX_CONCURRENT:
                 all_stuck.set()
             await never.wait()
         return await first(request)
@@ -196,7 +196,7 @@ async def test_only_so_many_are_asked_for_at_once(run: Path) -> None:
 
     async with httpx.AsyncClient(base_url="http://render", transport=httpx.MockTransport(answer)) as http:
         await rerender(run, patient_client(http))
-    assert 1 < most <= AT_ONCE
+    assert 1 < most <= MAX_CONCURRENT
 
 
 async def test_a_busy_service_is_asked_again(run: Path) -> None:

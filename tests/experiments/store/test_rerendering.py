@@ -35,7 +35,7 @@ def answers_with(monkeypatch: pytest.MonkeyPatch, renderer: FakeRenderer) -> Non
         async with renderer.client() as client:
             yield client
 
-    monkeypatch.setattr(RenderClient, "at", classmethod(at))
+    monkeypatch.setattr(RenderClient, "connect", classmethod(at))
 
 
 @pytest.fixture

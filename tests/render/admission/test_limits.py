@@ -29,9 +29,9 @@ def test_as_many_viewers_of_one_address_get_in_as_the_limit_says_wherever_they_f
 
 def test_a_single_process_enforces_the_limits_as_they_are() -> None:
     assert Limits().of_each(1) == Limits()
-    assert HttpLimits().of_each(1) == HttpLimits()
+    assert HttpLimits().per_process(1) == HttpLimits()
 
 
 def test_no_edge_takes_more_than_all_may_together() -> None:
     assert Limits(connections_per_address=1).of_each(6).connections_per_address == 1
-    assert HttpLimits(connections=2).of_each(6).connections == 2
+    assert HttpLimits(connections=2).per_process(6).connections == 2

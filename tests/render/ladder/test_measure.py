@@ -61,7 +61,7 @@ def test_a_scene_that_shows_nothing_has_no_ladder() -> None:
 
 
 def test_walks_are_the_same_ones_for_a_seed_and_stay_near_the_start_camera() -> None:
-    axes = SceneAxes.of(StartCamera(position=(0, 0, -10), look_at=(0, 0, 0)), (0, -1, 0))
+    axes = SceneAxes.from_camera(StartCamera(position=(0, 0, -10), look_at=(0, 0, 0)), (0, -1, 0))
     poses = list(islice(random_walks(axes, "a"), 30))
     assert poses == list(islice(random_walks(axes, "a"), 30)) != list(islice(random_walks(axes, "b"), 30))
     assert all(abs(pose.position[0]) < 6 and -16 < pose.position[2] < -4 for pose in poses)

@@ -21,7 +21,7 @@ import pytest
 from tests.eventually import wait_until
 from tests.render.scenes import made_up, plys
 from tigas_common.errors import BrokenScene
-from tigas_common.processes import tigas
+from tigas_common.processes import tigas_command
 from tigas_common.wire.render import SceneEdit
 from tigas_render.local_files import lock_directory
 from tigas_render.scenes import directory as directory_module
@@ -181,7 +181,7 @@ def test_an_address_that_is_not_valid_is_refused_in_a_sentence(tmp_path: Path, a
 def test_a_command_that_is_terminated_leaves_nothing(tmp_path: Path, site: str) -> None:
     models = tmp_path / "models"
     environment = os.environ | {"TIGAS_RENDER_SCENES": str(models)}
-    command = tigas("scene", "add", f"{site}/trickle.ply")
+    command = tigas_command("scene", "add", f"{site}/trickle.ply")
     with subprocess.Popen(command, env=environment, stderr=subprocess.PIPE) as process:
         wait_until(lambda: models.is_dir() and list(models.glob(".*/trickle")))
         process.terminate()

@@ -20,7 +20,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from tests.eventually import eventually
 from tests.render.transport import serving
 from tests.render.transport.client import Client, connect
-from tigas_common.web import ARRIVED
+from tigas_common.web import ARRIVAL_KEY
 from tigas_render.admission.limits import Limits
 from tigas_render.transport.server import Http3Server
 
@@ -75,7 +75,7 @@ async def test_the_scope_says_what_was_asked_and_when_it_was_complete() -> None:
         assert (response.status, bytes(response.body), response.ended) == (200, b"hello", True)
         assert response.headers[b"content-length"] == b"5"
         (scope,) = scopes
-        assert before <= scope.pop("state")[ARRIVED] <= sent
+        assert before <= scope.pop("state")[ARRIVAL_KEY] <= sent
         assert scope == {
             "type": "http",
             "asgi": {"version": "3.0", "spec_version": "2.3"},

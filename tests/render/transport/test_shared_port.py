@@ -13,7 +13,7 @@ from aioquic.tls import CipherSuite, SessionTicket
 
 from tests.render.transport.client import CERTIFICATE, connect
 from tests.render.transport.serving import hello
-from tigas_common.udp import bind_all, bind_another
+from tigas_common.udp import bind_all, bind_shared
 from tigas_render.admission.limits import Limits
 from tigas_render.transport.server import Http3Server
 from tigas_render.transport.shared_port import (
@@ -44,7 +44,7 @@ def test_every_id_names_its_edge(edges: int) -> None:
 def test_the_kernel_delivers_every_datagram_to_the_socket_that_it_names(edges: int, host: str) -> None:
     with ExitStack() as stack:
         [first] = map(stack.enter_context, bind_all(host, 0))
-        sockets = [first, *(stack.enter_context(bind_another(first)) for _ in range(edges - 1))]
+        sockets = [first, *(stack.enter_context(bind_shared(first)) for _ in range(edges - 1))]
         assert attach_steering(first, edges)
         target = (host if host != "::" else "::1", first.getsockname()[1])
         for _ in range(200):
@@ -59,7 +59,7 @@ def test_the_kernel_delivers_every_datagram_to_the_socket_that_it_names(edges: i
 def test_a_port_that_is_shared_cannot_be_bound_by_another_service() -> None:
     with ExitStack() as stack:
         [first] = map(stack.enter_context, bind_all("127.0.0.1", 0))
-        stack.enter_context(bind_another(first))
+        stack.enter_context(bind_shared(first))
         with pytest.raises(OSError, match="in use"):
             bind_all("127.0.0.1", first.getsockname()[1])
 
@@ -67,7 +67,7 @@ def test_a_port_that_is_shared_cannot_be_bound_by_another_service() -> None:
 @pytest.mark.anyio
 async def test_a_retry_token_is_good_at_the_edge_that_its_client_comes_to() -> None:
     [first] = bind_all("127.0.0.1", 0)
-    sockets = (first, bind_another(first))
+    sockets = (first, bind_shared(first))
     assert attach_steering(first, 2)
     key, strict = bytes(range(16)), Limits(unvalidated=0)  # so that every client has to prove its address
     async with AsyncExitStack() as stack:
@@ -89,7 +89,7 @@ async def test_a_retry_token_is_good_at_the_edge_that_its_client_comes_to() -> N
 async def test_new_clients_are_sent_to_the_edge_with_the_fewest_connections() -> None:
     edges, clients = 3, 12
     [first] = bind_all("127.0.0.1", 0)
-    sockets = (first, *(bind_another(first) for _ in range(edges - 1)))
+    sockets = (first, *(bind_shared(first) for _ in range(edges - 1)))
     assert attach_steering(first, edges)
     async with AsyncExitStack() as stack:
         fd = stack.enter_context(open_counts_file(edges))

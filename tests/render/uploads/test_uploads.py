@@ -225,7 +225,7 @@ def test_a_stalled_upload_keeps_no_place_and_an_empty_one_is_removed(
     uploads.append(begun.id, 0, b"part")
     now[0] += STALLED_S + 5
     reserved: list[int] = []
-    monkeypatch.setattr(parts, "check_room", lambda _, needed: reserved.append(needed))
+    monkeypatch.setattr(parts, "check_free_space", lambda _, needed: reserved.append(needed))
     new = uploads.create("b", 10, "192.0.2.1")
     assert reserved == [10]
     assert set(left(models)) == {begun.id, new.id}

@@ -16,7 +16,7 @@ from reference.ply import write_ply
 from tests.eventually import eventually
 from tests.render.transport.client import request_body
 from tests.render.workers.fleet import ASK, Fleet, Viewer, gap, nothing_left, serving, watching
-from tigas_common.placement import ranked
+from tigas_common.placement import rank_names
 from tigas_render.raster.base import one_gaussian
 
 pytestmark = [pytest.mark.anyio, pytest.mark.slow]
@@ -27,7 +27,7 @@ FRAMES_PER_S = 100
 DEVICE = f"instant:5000:{FRAMES_PER_S}"
 NAMES = (f"{DEVICE}#0", f"{DEVICE}#1")
 SCENES = tuple(
-    next(id for id in (f"scene-{number}" for number in range(99)) if ranked(id, NAMES)[0] == name) for name in NAMES
+    next(id for id in (f"scene-{number}" for number in range(99)) if rank_names(id, NAMES)[0] == name) for name in NAMES
 )
 """The first device's, and the second's."""
 UNSEEN = "unseen"

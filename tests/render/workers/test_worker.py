@@ -15,7 +15,7 @@ import pytest
 
 from tests.eventually import eventually
 from tigas_common.errors import StartError
-from tigas_common.processes import BackOff
+from tigas_common.processes import Backoff
 from tigas_render.workers import worker as worker_module
 from tigas_render.workers.control import Channel, Failed, Loaded, Message, Ready
 from tigas_render.workers.worker import Standby, Worker, WorkerProcess
@@ -89,17 +89,17 @@ class Bench:
 def together(*benches: Bench) -> list[asyncio.Task[None]]:
     for bench in benches:
         bench.worker.others = [other.worker for other in benches if other is not bench]
-    return [asyncio.create_task(bench.worker.keep()) for bench in benches]
+    return [asyncio.create_task(bench.worker.run()) for bench in benches]
 
 
 async def ended(benches: Sequence[Bench], tasks: Sequence[asyncio.Task[None]]) -> None:
-    await asyncio.gather(*(bench.worker.end(5) for bench in benches))
+    await asyncio.gather(*(bench.worker.stop(5) for bench in benches))
     await asyncio.gather(*tasks)
 
 
 @pytest.fixture(autouse=True)
 def short_pauses(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(BackOff, "FIRST_S", 0.001)
+    monkeypatch.setattr(Backoff, "FIRST_S", 0.001)
     monkeypatch.setattr(worker_module, "RETRY_S", 0.001)
     monkeypatch.setattr(worker_module, "STANDBY_PAUSE_S", 0.001)
 
@@ -127,7 +127,7 @@ async def test_one_that_nobody_can_replace_ends_the_start_with_a_sentence(
     bench = Bench(name, life)
     bench.refused = refused
     with pytest.raises(StartError, match=sentence):
-        await bench.worker.keep()
+        await bench.worker.run()
 
 
 async def test_a_process_that_cannot_be_forked_leaves_no_descriptor(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,8 +12,8 @@ from pydantic import Field
 
 from tigas_common.command import POSITIONAL, Command, Group, Metavar
 from tigas_common.errors import StartError
-from tigas_common.files import give_to_caller
-from tigas_common.processes import end_as_ctrl_c
+from tigas_common.files import change_owner_to_caller
+from tigas_common.processes import handle_sigterm_as_ctrl_c
 from tigas_common.terminal import make_console
 from tigas_experiments.commands.rerender import Rerender
 
@@ -60,7 +60,7 @@ class Run(_ExperimentCommand):
     def run(self) -> None:
         from tigas_experiments.run.experiment import Experiment
 
-        end_as_ctrl_c()
+        handle_sigterm_as_ctrl_c()
         if self.url is not None and self.labs > 1:
             raise StartError("--url measures running services, and --labs starts several of them: choose one.")
         made = Experiment.read(self.file, self.out, command_as_typed())
@@ -76,7 +76,7 @@ def perform(made: Experiment, url: str | None = None, *, labs: int, allow_change
     try:
         _perform(made, url, labs, allow_changes)
     finally:
-        give_to_caller(made.out)
+        change_owner_to_caller(made.out)
 
 
 def _perform(made: Experiment, url: str | None, labs: int, allow_changes: bool) -> None:

@@ -20,9 +20,9 @@ from rich.table import Table
 
 from tigas_common.command import POSITIONAL, Command, Metavar
 from tigas_common.errors import StartError
-from tigas_common.files import give_to_caller
-from tigas_common.parsing import sentence
-from tigas_common.processes import end_as_ctrl_c
+from tigas_common.files import change_owner_to_caller
+from tigas_common.parsing import describe_error
+from tigas_common.processes import handle_sigterm_as_ctrl_c
 from tigas_common.terminal import make_console
 from tigas_common.wire.model import WireModel
 from tigas_experiments.commands.experiment import Labs, command_as_typed, perform
@@ -87,7 +87,7 @@ class Evaluation(WireModel):
         except tomllib.TOMLDecodeError as error:
             raise StartError(f"{path} is not TOML: {error}.") from None
         except ValidationError as error:
-            raise StartError(f"{path}: {sentence(error)}") from None
+            raise StartError(f"{path}: {describe_error(error)}") from None
 
     def part(self, name: str) -> Part:
         """The part with this name. Raises StartError."""
@@ -137,7 +137,7 @@ class Paper(Command):
         if self.part is None:
             make_console().print(self._listed(evaluation))
             return
-        end_as_ctrl_c()
+        handle_sigterm_as_ctrl_c()
         part = evaluation.part(self.part)
         making = _Making(self.file.parent, self.out / part.name, self.data)
         making.inputs({path: evaluation.inputs[path] for path in evaluation.needed(part)})
@@ -147,7 +147,7 @@ class Paper(Command):
             done = True
         finally:
             Progress(seconds=before.seconds + time.monotonic() - began, done=done).write(making.out)
-            give_to_caller(making.out)
+            change_owner_to_caller(making.out)
 
     def _make(self, making: _Making, plan: ExperimentPlan | None, then: Sequence[str], before: Progress) -> None:
         from tigas_experiments.report.cli import Report

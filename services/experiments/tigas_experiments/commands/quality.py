@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Annotated
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from tigas_common.cli import in_a_sentence
+from tigas_common.cli import report_errors
 from tigas_common.command import POSITIONAL, Command, Group, Metavar
 from tigas_common.errors import StartError
-from tigas_common.processes import end_as_ctrl_c
+from tigas_common.processes import handle_sigterm_as_ctrl_c
 from tigas_common.terminal import make_console, printable, progress_bar
 from tigas_experiments.commands.rerender import RenderCommand, SamplesCommand, render_url, rerender_all
 
@@ -33,7 +33,7 @@ class Score(SamplesCommand):
     """Render service that renders missing ground truth first."""
 
     def run(self) -> None:
-        end_as_ctrl_c()
+        handle_sigterm_as_ctrl_c()
         console = make_console(stderr=True)
         asked = _asked(self.metrics)
         try:
@@ -63,11 +63,11 @@ class Ladder(RenderCommand):
         from tigas_experiments.report.ladder import ladder as steps
 
         async def asked(url: str) -> list[Step]:
-            async with RenderClient.at(url) as renderer:
+            async with RenderClient.connect(url) as renderer:
                 return await steps(renderer, *views)
 
         views = sample_views(self.folder)
-        with in_a_sentence(BrokenPicture), render_url(self.folder, self.render) as url:
+        with report_errors(BrokenPicture), render_url(self.folder, self.render) as url:
             for path in write_ladder(asyncio.run(asked(url)), self.folder):
                 print(printable(str(path)))
 
@@ -171,7 +171,7 @@ def _render_truth(folder: Path, render: str) -> Iterator[str]:
 
     async def all_of_them(show: Callable[[float, str], None]) -> list[str]:
         problems = []
-        async with RenderClient.at(render) as renderer:
+        async with RenderClient.connect(render) as renderer:
             for run in runs:
 
                 def on_progress(done: int, total: int, run: Path = run) -> None:

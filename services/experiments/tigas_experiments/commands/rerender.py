@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from tigas_common.command import POSITIONAL, Command, Metavar
-from tigas_common.processes import end_as_ctrl_c
+from tigas_common.processes import handle_sigterm_as_ctrl_c
 from tigas_common.terminal import make_console, progress_bar
 
 if TYPE_CHECKING:  # heavy
@@ -41,7 +41,7 @@ class Rerender(SamplesCommand, RenderCommand):
     def run(self) -> None:
         from rich.table import Table
 
-        end_as_ctrl_c()
+        handle_sigterm_as_ctrl_c()
         console = make_console()
         try:
             with render_url(self.folder, self.render) as url:
@@ -71,7 +71,7 @@ class Rerender(SamplesCommand, RenderCommand):
 @contextmanager
 def render_url(folder: Path, given: str | None) -> Iterator[str]:
     """The URL of the given render service, or of one that runs during the context. Raises StartError."""
-    from tigas_common.render_requests import render_service
+    from tigas_common.render_requests import run_render_service
     from tigas_experiments.records.files import BrokenRecording
     from tigas_experiments.records.folder import experiment_of, read_experiment
 
@@ -82,7 +82,7 @@ def render_url(folder: Path, given: str | None) -> Iterator[str]:
         ladder = read_experiment(experiment_of(folder)).plan.get("ladder")
     except BrokenRecording:  # a run outside an experiment
         ladder = None
-    with render_service(ladder="paper" if ladder == "paper" else "scene") as url:
+    with run_render_service(ladder="paper" if ladder == "paper" else "scene") as url:
         yield url
 
 
@@ -95,7 +95,7 @@ def rerender_all(folder: Path, render: str, *, again: bool = False) -> list[Samp
 
     async def all_of_them(show: Callable[[float, str], None]) -> list[SampledRun]:
         outcomes = []
-        async with RenderClient.at(render) as renderer:
+        async with RenderClient.connect(render) as renderer:
             for number, run in enumerate(runs):
 
                 def on_progress(done: int, total: int, number: int = number) -> None:

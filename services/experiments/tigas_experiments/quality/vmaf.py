@@ -17,7 +17,7 @@ from av.video.stream import VideoStream
 
 from tigas_common.errors import StartError
 from tigas_common.installation import install_command
-from tigas_common.parsing import legible
+from tigas_common.parsing import quotable
 from tigas_common.resources import usable_processors
 from tigas_experiments.errors import MetricUnavailable
 from tigas_experiments.quality.picture import Picture
@@ -78,7 +78,7 @@ def vmaf_and_vif(frames: Iterable[tuple[int, Picture, Picture]]) -> dict[int, tu
         with suppress(OSError, ValueError):
             found = [frame["metrics"] for frame in json.loads((folder / LOG).read_text())["frames"]]
         if ended.returncode or len(found) != len(numbers):
-            said = legible(ended.stderr.strip(), 200) or f"exit status {ended.returncode}"
+            said = quotable(ended.stderr.strip(), 200) or f"exit status {ended.returncode}"
             raise StartError(f"ffmpeg could not compute VMAF: {said}")
         return {number: (metrics["vmaf"], metrics["vif"]) for number, metrics in zip(numbers, found, strict=True)}
 

@@ -9,7 +9,7 @@ from typing import TypeVar
 from pydantic import BaseModel, ValidationError
 
 from tigas_common.files import read_regular, replace_file
-from tigas_common.parsing import sentence
+from tigas_common.parsing import describe_error
 from tigas_experiments.wire.recording import MAX_BYTES, Recording
 
 MAX_FILE_BYTES = 256_000_000
@@ -61,7 +61,7 @@ def _parse(text: str | bytes, model: type[Entry], where: str) -> Entry:
     try:
         return model.model_validate_json(text)
     except ValidationError as error:
-        raise BrokenRecording(f"{where} {sentence(error)}") from None
+        raise BrokenRecording(f"{where} {describe_error(error)}") from None
 
 
 def _read(path: Path, limit: int) -> str:

@@ -14,7 +14,7 @@ from typing import BinaryIO
 from pydantic import Field, ValidationError
 
 from tigas_common.errors import StartError
-from tigas_common.parsing import legible
+from tigas_common.parsing import quotable
 from tigas_common.wire.model import WireModel
 from tigas_experiments.records.folder import LADDER
 from tigas_experiments.report.figures import FIGURE_FILES
@@ -129,7 +129,7 @@ def unpack(archive: Path) -> Path:
                     raise StartError(f"{folder} already exists, so {archive} was not unpacked.")
                 tar.extractall(scratch, filter="data")
         except (tarfile.TarError, lzma.LZMAError, EOFError, ValueError, OverflowError, KeyError) as error:
-            raise _no_archive(archive, legible(str(error), 200)) from None
+            raise _no_archive(archive, quotable(str(error), 200)) from None
         Path(scratch, name).rename(folder)
     return folder
 
@@ -140,7 +140,7 @@ def _one_folder(archive: Path, tar: tarfile.TarFile) -> str:
     for entry in tar:
         parts = PurePosixPath(entry.name).parts
         if not entry.isreg() or len(parts) < 2 or parts[0] == "/" or ".." in parts:
-            raise _no_archive(archive, f"it holds {legible(entry.name, 60)!r}, which is not a file in a folder")
+            raise _no_archive(archive, f"it holds {quotable(entry.name, 60)!r}, which is not a file in a folder")
         names.add(parts[0])
         room -= entry.size
         if room < 0:

@@ -18,7 +18,7 @@ from playwright.async_api import Browser, BrowserContext, Error, Page, async_pla
 from pydantic import Field, ValidationError
 
 from tigas_common.errors import StartError
-from tigas_common.parsing import sentence
+from tigas_common.parsing import describe_error
 from tigas_common.wire.model import Entries, WireModel
 from tigas_common.wire.render import ServerConfig
 from tigas_experiments.errors import RunFailed
@@ -173,7 +173,7 @@ class Viewer:
         try:
             return SampleList.model_validate_json(json.dumps(told))
         except ValidationError as error:
-            raise RunFailed(f"The viewer's samples cannot be used: {sentence(error)}") from None
+            raise RunFailed(f"The viewer's samples cannot be used: {describe_error(error)}") from None
 
     async def sample_picture(self, name: str) -> bytes:
         picture = await self._call("samplePicture", name)

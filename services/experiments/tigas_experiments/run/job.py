@@ -143,7 +143,7 @@ async def complete(folder: Path, render: str) -> RunRecord:
         raise BrokenRecording(f"{folder / 'run.json'} does not describe the recording.")
     predicted = run.record.configuration.prediction != OFF
     assessed: list[CaptureQuality] = []
-    async with RenderClient.at(render) as renderer:
+    async with RenderClient.connect(render) as renderer:
         truth = GroundTruth(renderer, head.scene, head.lens)
         for index, capture in enumerate(captures):
             png = read_sample_file(capture_path(folder, index))

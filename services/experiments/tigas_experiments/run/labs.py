@@ -19,7 +19,7 @@ from tempfile import TemporaryDirectory, TemporaryFile
 from typing import IO
 
 from tigas_common.errors import StartError
-from tigas_common.processes import end_as_ctrl_c, wait_or_kill, with_parent
+from tigas_common.processes import end_with_parent, handle_sigterm_as_ctrl_c, wait_or_kill
 from tigas_common.wire.model import WireModel
 from tigas_experiments.records.folder import RunRecord
 from tigas_experiments.run.environment import open_environment
@@ -176,7 +176,7 @@ async def started_worker() -> AsyncIterator[Worker]:
     """A worker process during the context. Its lab's experiment store has an empty folder."""
     with TemporaryDirectory(prefix="tigas-lab-") as results, TemporaryFile() as errors:
         process = await asyncio.create_subprocess_exec(
-            *with_parent([*NAMESPACES, SCRIPT, "sh", sys.executable, "-m", __name__]),
+            *end_with_parent([*NAMESPACES, SCRIPT, "sh", sys.executable, "-m", __name__]),
             stdin=asyncio.subprocess.PIPE,
             stdout=asyncio.subprocess.PIPE,
             stderr=errors,
@@ -199,7 +199,7 @@ async def started_worker() -> AsyncIterator[Worker]:
 
 def main() -> None:
     """Run a worker, with blocks on standard input and answers on standard output."""
-    end_as_ctrl_c()
+    handle_sigterm_as_ctrl_c()
     job = Job.model_validate_json(sys.stdin.readline())
     try:
         asyncio.run(_work(job))

@@ -17,7 +17,7 @@ import httpx
 from pydantic import ValidationError
 
 from tigas_common.files import read_regular
-from tigas_common.parsing import sentence
+from tigas_common.parsing import describe_error
 from tigas_common.wire.shaper import MAX_DURATION_MS, MAX_UPLOAD_BYTES, ShaperStatus
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.run.targets import Target
@@ -196,7 +196,7 @@ class ShaperClient:
             return ShaperStatus.model_validate(data, extra="ignore")  # a newer shaper may send more
         except ValidationError as error:
             raise RunFailed(
-                f"The shaper at {self.url} reports its link in an unknown form: {sentence(error)}"
+                f"The shaper at {self.url} reports its link in an unknown form: {describe_error(error)}"
             ) from None
 
     async def _upload(self, path: Path) -> str:

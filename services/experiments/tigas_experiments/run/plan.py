@@ -16,7 +16,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, ValidationError
 
 from tigas_common.errors import StartError
 from tigas_common.files import read_regular
-from tigas_common.parsing import legible, sentence
+from tigas_common.parsing import describe_error, quotable
 from tigas_common.wire.dash import RepresentationRequest
 from tigas_common.wire.model import WireModel
 from tigas_common.wire.render import LadderName
@@ -188,7 +188,7 @@ class ExperimentPlan(WireModel):
         try:
             data = json.loads(text) if is_json else tomllib.loads(text)
         except (ValueError, RecursionError) as error:
-            raise StartError(f"{source} is not {'JSON' if is_json else 'TOML'}: {legible(str(error), 200)}.") from None
+            raise StartError(f"{source} is not {'JSON' if is_json else 'TOML'}: {quotable(str(error), 200)}.") from None
         return cls.of(data, source)
 
     @classmethod
@@ -200,7 +200,7 @@ class ExperimentPlan(WireModel):
             # Validated as JSON, so that TOML's lists become tuples and nothing else is converted.
             return cls.model_validate_json(json.dumps(data, default=str))
         except ValidationError as error:
-            raise StartError(f"{source}: {sentence(error)}") from None
+            raise StartError(f"{source}: {describe_error(error)}") from None
         except RecursionError:
             raise StartError(f"{source} is nested too deeply.") from None
 
@@ -249,7 +249,7 @@ class ExperimentPlan(WireModel):
                 for repeat, (scene, movement, (segment, network)), (mode, chosen) in self._ordered(networks, profiles)
             ]
         except ValidationError as error:
-            raise StartError(f"{self.name}: {sentence(error)}") from None
+            raise StartError(f"{self.name}: {describe_error(error)}") from None
         except ValueError as error:
             raise StartError(f"{self.name}: {error}.") from None
         if seconds(runs) > MAX_S:
@@ -349,7 +349,7 @@ def _representation(name: str) -> RepresentationRequest | None:
     try:
         return RepresentationRequest(rung=rung, bitrate_kbps=bitrate_kbps)
     except ValidationError as error:
-        raise StartError(f"There is no representation {name!r}: {sentence(error)}") from None
+        raise StartError(f"There is no representation {name!r}: {describe_error(error)}") from None
 
 
 def seconds(runs: Sequence[Configuration]) -> float:

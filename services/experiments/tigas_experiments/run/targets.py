@@ -17,7 +17,7 @@ import httpx
 import psutil
 
 from tigas_common.errors import StartError, TigasError
-from tigas_common.processes import end, tigas, with_parent
+from tigas_common.processes import end_with_parent, terminate, tigas_command
 from tigas_common.render_requests import RenderClient
 from tigas_common.topology import PAGE_ORIGINS
 from tigas_common.wire.render import LadderName, SceneInfo, ServerConfig
@@ -62,7 +62,7 @@ async def lab_target(ladder: LadderName) -> AsyncIterator[Target]:
     # In a separate session, so that Ctrl+C only reaches this process and runs end before their services. The lab ends
     # if this process dies.
     process = subprocess.Popen(  # noqa: ASYNC220 - returns immediately
-        with_parent(tigas("lab", "up")),
+        end_with_parent(tigas_command("lab", "up")),
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
@@ -125,7 +125,7 @@ async def fault(target: Target) -> str | None:
 async def load_scene(url: str, scene: str, *, download: bool = False) -> SceneInfo:
     """Load a scene, prepare its download if requested, and return its description. Raises StartError."""
     try:
-        async with RenderClient.at(url) as service:
+        async with RenderClient.connect(url) as service:
             info = await service.load(scene)
             if download and info.downloads:
                 await service.prepare_download(info.id)
@@ -137,7 +137,7 @@ async def load_scene(url: str, scene: str, *, download: bool = False) -> SceneIn
 def check_lab() -> None:
     """Raise StartError with one sentence if the lab cannot run on this machine."""
     advice = "give running services with --url instead"
-    run = subprocess.run(tigas("lab", "check"), capture_output=True, text=True)
+    run = subprocess.run(tigas_command("lab", "check"), capture_output=True, text=True)
     if run.returncode:
         reason = run.stderr.strip().splitlines()
         raise StartError(f"{reason[-1] if reason else 'The lab cannot be started.'} Or {advice}.")
@@ -176,6 +176,6 @@ def _last_words(process: subprocess.Popen[bytes]) -> str:
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
-    end(process, STOP_S)
+    terminate(process, STOP_S)
     if process.returncode < 0:  # killed, so that it has not cleaned up
-        subprocess.run(tigas("lab", "down"), capture_output=True)
+        subprocess.run(tigas_command("lab", "down"), capture_output=True)

@@ -13,9 +13,9 @@ from pydantic import ValidationError
 
 from tigas_common.errors import StartError
 from tigas_common.files import read_regular
-from tigas_common.parsing import sentence
+from tigas_common.parsing import describe_error
 from tigas_common.pose import Intrinsics
-from tigas_common.render_requests import AT_ONCE, RenderClient, RenderProblem, RenderUnavailable
+from tigas_common.render_requests import MAX_CONCURRENT, RenderClient, RenderProblem, RenderUnavailable
 from tigas_common.wire.render import RenderRequest
 from tigas_experiments.lock import EXPERIMENT, exclusive
 from tigas_experiments.quality.picture import BrokenPicture, compare, decode, opened
@@ -99,7 +99,7 @@ async def concurrently(items: Iterable[Item], work: Callable[[Item], Awaitable[N
 
     try:
         async with asyncio.TaskGroup() as group:
-            for _ in range(AT_ONCE):
+            for _ in range(MAX_CONCURRENT):
                 group.create_task(worker())
     except* (RenderUnavailable, OSError) as errors:
         raise errors.exceptions[0] from None
@@ -181,13 +181,13 @@ def request_truth(sample: Sample) -> RenderRequest:
     try:
         return RenderRequest.model_validate(request.model_dump() | asdict(lens) | plain)
     except ValidationError as error:
-        raise BrokenPicture(f"There is no such view: {sentence(error)}") from None
+        raise BrokenPicture(f"There is no such view: {describe_error(error)}") from None
 
 
 def _lens(request: RenderRequest) -> Intrinsics:
     """Intrinsics of the whole requested view, in viewport pixels."""
     margins = (round(side * request.overscan) for side in (request.width, request.height))
-    return request.intrinsics.widened(*margins)
+    return request.intrinsics.with_margins(*margins)
 
 
 async def replay(run: Path, sample: Sample, renderer: RenderClient, *, again: bool = False) -> Rerendered:

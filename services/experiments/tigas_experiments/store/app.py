@@ -16,7 +16,7 @@ from starlette.routing import Route
 from starlette.types import ASGIApp
 
 from tigas_common.errors import BodyTooLarge, InvalidRequest
-from tigas_common.metrics import CountedRequests, metrics_route, new_registry
+from tigas_common.metrics import RequestMetrics, metrics_route, new_registry
 from tigas_common.openapi import index, openapi
 from tigas_common.origins import OriginCheck, OriginPolicy
 from tigas_common.parsing import parse
@@ -133,7 +133,7 @@ def create_app(store: Store, policy: OriginPolicy) -> ASGIApp:
     )
     app.state.store = store
     app.state.metrics = figures
-    return CountedRequests(OriginCheck(app, policy), app.routes, registry)
+    return RequestMetrics(OriginCheck(app, policy), app.routes, registry)
 
 
 async def experiments(request: Request) -> ModelResponse[ExperimentList]:

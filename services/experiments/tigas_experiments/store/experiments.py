@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from tigas_common.errors import StartError, StorageFailed
-from tigas_common.files import names_to_disk
+from tigas_common.files import flush_folder
 from tigas_experiments.lock import EXPERIMENT, exclusive
 from tigas_experiments.records.files import BrokenRecording
 from tigas_experiments.records.folder import ExperimentRecord, RunRecord, StoredRun, read_experiment
@@ -224,6 +224,6 @@ def _placed(made: Path, parent: Path, name: str) -> str:
             if error.errno not in TAKEN:
                 raise
         else:
-            names_to_disk(parent)
+            flush_folder(parent)
             return chosen
     raise AssertionError

@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from tigas_common.errors import InvalidRequest, StartError
-from tigas_common.files import to_disk
+from tigas_common.files import flush_tree
 from tigas_common.offload import Limit
 from tigas_common.parsing import parse
 from tigas_common.wire.render import SceneInfo
@@ -140,7 +140,7 @@ def keep_upload(
         )
         browser = None if recording is None else _browser(recording.user_agent)
         record = write_records(RunWriter(folder, record), upload, load, made_from, browser=browser)
-        to_disk(folder)
+        flush_tree(folder)
         return record
 
 

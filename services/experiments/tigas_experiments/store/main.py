@@ -9,13 +9,13 @@ from contextlib import AsyncExitStack, asynccontextmanager
 from functools import partial
 from pathlib import Path
 
-from tigas_common.address import say_if_open
+from tigas_common.address import warn_if_open
 from tigas_common.limits import HttpLimits
 from tigas_common.loop_share import LoopShare
 from tigas_common.offload import Offload, offload_to_process
 from tigas_common.origins import OriginPolicy
-from tigas_common.resources import keep_together
-from tigas_common.runner import explained, serve_listener, until_stopped
+from tigas_common.resources import use_one_arena
+from tigas_common.runner import listen_errors, serve_listener, wait_for_stop
 from tigas_experiments.records.load import EVERY_S, LoadSample, watching_load
 from tigas_experiments.records.machine import Machine, this_machine
 from tigas_experiments.store.app import Store, create_app
@@ -33,21 +33,21 @@ REMEMBERED_S = 3 * 3600
 
 async def serve(settings: StoreSettings) -> None:
     """Run the store until SIGINT or SIGTERM. Raises StartError."""
-    keep_together()
-    limits = HttpLimits.of(settings.http_limits)
+    use_one_arena()
+    limits = HttpLimits.from_settings(settings.http_limits)
     async with AsyncExitStack() as stack:
-        with explained(settings.http, "--http"):  # before anything slow
+        with listen_errors(settings.http, "--http"):  # before anything slow
             listener = stack.enter_context(settings.http.listen(limits.unread_s))
         load = await stack.enter_async_context(watching_load(settings.render, keep=int(REMEMBERED_S / EVERY_S)))
         machine = await asyncio.to_thread(this_machine)
         opened = open_store(settings.results, settings.movements, settings.render, machine=machine, load=load)
         store = await stack.enter_async_context(opened)
-        policy = OriginPolicy.of([settings.http], settings.allow_hosts, settings.allow_origins)
+        policy = OriginPolicy.from_addresses([settings.http], settings.allow_hosts, settings.allow_origins)
         app = LoopShare(create_app(store, policy), limits.loop_share_per_address, policy)
         port = await stack.enter_async_context(serve_listener(app, listener, limits))
-        say_if_open([settings.http])
+        warn_if_open([settings.http])
         print(f"Experiments in {settings.results} on http://{settings.http.reachable_host}:{port}/", flush=True)
-        await until_stopped()
+        await wait_for_stop()
 
 
 @asynccontextmanager

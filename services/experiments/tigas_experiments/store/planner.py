@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from tigas_common.errors import DiskFull, StartError, StorageFailed
-from tigas_common.files import names_to_disk
+from tigas_common.files import flush_folder
 from tigas_common.offload import Offload
 from tigas_common.wire.render import SceneInfo, ServerConfig
 from tigas_experiments.records.folder import StoredRun
@@ -346,4 +346,4 @@ def _place(made: Path, experiment: Experiment, configuration: Configuration) -> 
     """Move a run from the workspace to its place. Raises OSError."""
     experiment.set_aside(configuration)
     made.rename(experiment.folder(configuration))
-    names_to_disk(experiment.out / RUNS)
+    flush_folder(experiment.out / RUNS)

@@ -104,7 +104,7 @@ class Rerendering:
 
     async def _work(self, job: _Job, runs: list[Path]) -> None:
         try:
-            async with self.lock, RenderClient.at(self._render) as renderer:
+            async with self.lock, RenderClient.connect(self._render) as renderer:
                 job.problem = await _rerender_all(job, runs, renderer)
         except RenderUnavailable as error:
             job.problem = str(error)

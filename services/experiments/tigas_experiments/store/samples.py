@@ -11,7 +11,7 @@ import re
 from pathlib import Path
 
 from tigas_common.errors import BodyTooLarge, InvalidRequest, StorageFailed
-from tigas_common.files import names_to_disk, read_regular, to_disk
+from tigas_common.files import flush_folder, flush_tree, read_regular
 from tigas_experiments.records.folder import StoredRun, capture_path
 from tigas_experiments.records.samples import (
     ENHANCED,
@@ -123,9 +123,9 @@ def keep_picture(part: Path, run: Path) -> None:
     if not _is_whole(part):
         raise InvalidRequest(f"{part.name} is not such an image, or is incomplete.")
     (run / FOLDER).mkdir(exist_ok=True)
-    to_disk(part.parent)
+    flush_tree(part.parent)
     part.replace(run / FOLDER / part.name)
-    names_to_disk(run / FOLDER)
+    flush_folder(run / FOLDER)
 
 
 def keep_capture(part: Path, run: Path) -> None:
@@ -152,9 +152,9 @@ def keep_index(index: SampleIndex, workspace: Path, run: Path) -> None:
         if (missing := _missing(sample, files)) is not None:
             raise InvalidRequest(f"{missing} is missing.")
     write_samples(workspace, index.samples)
-    to_disk(workspace)
+    flush_tree(workspace)
     (workspace / INDEX).replace(run / INDEX)
-    names_to_disk(run)
+    flush_folder(run)
 
 
 def _missing(sample: Sample, files: dict[str, int]) -> str | None:

@@ -60,7 +60,7 @@ class ConnectionAdmission:
 
     def try_begin_handshake(self, address: str, now: float) -> bool:
         """Whether an address may begin a handshake now, which counts it; if not, its packet is dropped."""
-        return self._handshake_rate.allows(address, now, HANDSHAKES_PER_S, HANDSHAKE_BURST / HANDSHAKES_PER_S)
+        return self._handshake_rate.try_acquire(address, now, HANDSHAKES_PER_S, HANDSHAKE_BURST / HANDSHAKES_PER_S)
 
     def connection_refusal(self, usage: Usage, connections: int, now: float) -> str | None:
         """Return the reason, if any, to refuse another connection from an address.
@@ -76,14 +76,14 @@ class ConnectionAdmission:
         if usage.connections >= self._limits.connections_per_address:
             return "Your address has the maximum number of connections; close some."
         rate = self._limits.handshakes_per_s
-        if not self._connection_rate.allows(usage.address, now, rate, self._limits.connections_per_address / rate):
+        if not self._connection_rate.try_acquire(usage.address, now, rate, self._limits.connections_per_address / rate):
             return "Your address opens connections too fast; try again in a second."
         return None
 
     def reset_delay(self, address: str, now: float) -> float:
         """Return the seconds until an address may replace a stream that it has reset; 0 counts as a replacement."""
         rate = self._limits.resets_per_s
-        delay = self._reset_rate.delay(address, now, rate, burst_s=max(1.0, 1 / rate))
+        delay = self._reset_rate.delay_s(address, now, rate, burst_s=max(1.0, 1 / rate))
         if not delay:
-            self._reset_rate.use(address, now, rate)
+            self._reset_rate.consume(address, now, rate)
         return delay

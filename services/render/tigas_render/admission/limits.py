@@ -6,7 +6,7 @@ from typing import Self
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from tigas_common.limits import quota
+from tigas_common.limits import share_limit
 
 
 class QuicLimits(BaseModel):
@@ -82,6 +82,6 @@ class Limits(QuicLimits):
             "connections", "connections_per_address", "unvalidated", "unvalidated_per_address", "requests_per_address",
             "sessions_per_address", "waiting_per_address",
         )  # fmt: skip
-        parts: dict[str, float] = {name: quota(getattr(self, name), edges) for name in counts}
+        parts: dict[str, float] = {name: share_limit(getattr(self, name), edges) for name in counts}
         rates = {name: getattr(self, name) / edges for name in ("handshakes_per_s", "resets_per_s")}
         return self.model_copy(update=parts | rates)

@@ -67,7 +67,7 @@ class RequestRate:
         """Count a session's request. Raises AskedTooOften."""
         announced = self.announced_rate
         rate = self._max_rate if announced is None else min(self._max_rate, SLACK * announced)
-        if not self._limit.allows(client, self._clock(), rate, max(MIN_BURST / rate, BURST_S)):
+        if not self._limit.try_acquire(client, self._clock(), rate, max(MIN_BURST / rate, BURST_S)):
             often = f"more than {announced or self._max_rate:.0f} requests a second"
             raise AskedTooOften(f"This session sends {often}; send fewer.", 1 / rate)
 

@@ -25,7 +25,7 @@ from tigas_common.address import client_network
 from tigas_common.errors import BrokenScene, InvalidRequest, Overloaded, TigasError
 from tigas_common.limits import ConcurrencyLimit
 from tigas_common.parsing import parse
-from tigas_common.web import has_already
+from tigas_common.web import is_not_modified
 from tigas_common.wire.render import SceneDownload
 from tigas_render.downloads.order import download_order
 from tigas_render.local_files import write_to_cache
@@ -225,7 +225,7 @@ class FileSender:
             "Cache-Control": "no-cache",
             "Timing-Allow-Origin": "*",  # lets a page of another origin see how much was transferred
         }
-        if has_already(request, headers["ETag"]):
+        if is_not_modified(request, headers["ETag"]):
             return Response(status_code=304, headers=headers)
         return _LimitedFileResponse(self.limit, path, headers=headers, **options)
 
@@ -242,5 +242,5 @@ class _LimitedFileResponse(FileResponse):
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         client = scope.get("client")
         busy = Overloaded("Too many scenes are being downloaded; try again in a few seconds.", RETRY_S)
-        with self._limit.one_more(client_network(client[0]) if client else "unknown", busy):
+        with self._limit.acquire(client_network(client[0]) if client else "unknown", busy):
             await super().__call__(scope, receive, send)

@@ -61,7 +61,7 @@ def _intrinsics(
     The other arguments are the viewport's intrinsics.
     """
     of_viewport = Intrinsics(fx, fy, cx, cy, width, height)
-    intrinsics = of_viewport.resized(size.inner_width, size.inner_height).widened(size.margin_x, size.margin_y)
+    intrinsics = of_viewport.resized(size.inner_width, size.inner_height).with_margins(size.margin_x, size.margin_y)
     return intrinsics, math.sqrt(width * height / (size.inner_width * size.inner_height))
 
 

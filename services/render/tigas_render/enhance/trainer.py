@@ -18,7 +18,7 @@ from pathlib import Path
 
 from tigas_common.errors import TigasError
 from tigas_common.installation import install_command
-from tigas_common.processes import tigas, wait_or_kill
+from tigas_common.processes import tigas_command, wait_or_kill
 from tigas_common.wire.render import Training
 
 NICENESS = 15
@@ -52,7 +52,7 @@ def training_problem() -> str | None:
 def training_command(scene_id: str, out: Path, url: str, device: str) -> list[str]:
     """The command line that trains a scene's networks."""
     where = ["--render", url, "--out", str(out), "--device", device]
-    return tigas("enhance", "train", "--json", *where, "--", scene_id)
+    return tigas_command("enhance", "train", "--json", *where, "--", scene_id)
 
 
 class Trainer:

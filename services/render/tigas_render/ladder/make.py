@@ -67,7 +67,7 @@ def make_ladder(
     view = SceneStatistics.of(gaussians).view(metadata)
     prepared = rasterizer.prepare(gaussians)
     del gaussians
-    poses = random_walks(SceneAxes.of(view.camera, view.up), f"ladder of {source.id}")
+    poses = random_walks(SceneAxes.from_camera(view.camera, view.up), f"ladder of {source.id}")
     settings = list(dict.fromkeys((*CANDIDATES, *PAPER_SETTINGS)))
     points = measure_views(rasterizer, prepared, metadata.background, poses, settings, listener, views)
     found = dict(zip(settings, points, strict=True))

@@ -20,7 +20,7 @@ from PIL import Image
 from tigas_common.errors import StartError
 from tigas_common.pose import Pose
 from tigas_common.resources import usable_processors
-from tigas_common.sample_cameras import PER_MOVEMENT, SceneAxes, along, intrinsics
+from tigas_common.sample_cameras import VIEWS_PER_MOVEMENT, SceneAxes, intrinsics, sample_movement
 from tigas_render.encode.images import encode_jpeg
 from tigas_render.raster.base import Camera, PreparedScene, Rasterizer
 from tigas_render.scenes.scene_file import Listener
@@ -69,7 +69,7 @@ def random_walks(axes: SceneAxes, seed: str) -> Iterator[Pose]:
     """An endless sequence of poses of people walking around the start camera, determined by the seed."""
     chance = Random(seed)
     while True:
-        yield from along(axes.walk(chance), chance)[:: PER_MOVEMENT // POSES_PER_WALK]
+        yield from sample_movement(axes.walk(chance), chance)[:: VIEWS_PER_MOVEMENT // POSES_PER_WALK]
 
 
 def measure_views(

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Final, Self
 
 from tigas_common.errors import DeviceLost, UnknownScene
-from tigas_common.placement import Placement, ranked
+from tigas_common.placement import Placement, rank_names
 from tigas_common.wire.render import RenderRequest
 from tigas_render.admission.load import LoadState
 from tigas_render.frame import Cancel, Client, Frame, FrameSource, OnAnswer
@@ -152,7 +152,7 @@ class EnginePool(FrameSource):
         return self._engines[warm[0]]
 
     def _ranked_names(self, scene: str, engines: Sequence[RemoteEngine]) -> Sequence[str]:
-        return ranked(scene, tuple(engine.name for engine in engines))
+        return rank_names(scene, tuple(engine.name for engine in engines))
 
     def _placed_names(self, scene: str, engines: Sequence[RemoteEngine]) -> list[str]:
         return self._placement.places(scene, [engine.candidate for engine in engines])

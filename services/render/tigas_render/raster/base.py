@@ -65,7 +65,7 @@ class Camera:
     @property
     def viewport(self) -> Intrinsics:
         """The intrinsics without the margins."""
-        return self.intrinsics.widened(-self.margins[0], -self.margins[1])
+        return self.intrinsics.with_margins(-self.margins[0], -self.margins[1])
 
 
 Pause = Callable[[], None]

@@ -19,7 +19,7 @@ from urllib.parse import SplitResult, unquote, urlsplit
 import httpx
 
 from tigas_common.errors import TigasError, UnknownScene
-from tigas_common.files import check_room, move_new, open_regular, read_regular, replace_file, to_disk
+from tigas_common.files import check_free_space, flush_tree, move_new, open_regular, read_regular, replace_file
 from tigas_common.limits import IdleTimeout
 from tigas_common.parsing import parse
 from tigas_common.wire.render import SceneEdit
@@ -95,7 +95,7 @@ def install_file(part: Path, directory: Path, id: str) -> SceneFile:
     file.check()
     check_free(directory, id)
     path = directory / f"{id}{FILE_EXTENSIONS.get(file.format, '.spz')}"
-    to_disk(part)
+    flush_tree(part)
     try:
         move_new(part, path)
     except OSError as error:
@@ -103,9 +103,9 @@ def install_file(part: Path, directory: Path, id: str) -> SceneFile:
             raise
         with locked_directory(directory, PART_PREFIX) as hidden:  # the folder of uploads may be a separate mount
             copy = hidden / id
-            check_room(directory, part.stat().st_size)
+            check_free_space(directory, part.stat().st_size)
             _copy_file(part, copy)
-            to_disk(copy)
+            flush_tree(copy)
             move_new(copy, path)
         part.unlink()
     return read_scene_file(path)
@@ -167,13 +167,13 @@ def _fetch(url: str, part: Path, listener: Listener, limit: int) -> None:
             got = 0
             patience = IdleTimeout(TIMEOUT_S, MIN_BYTES_PER_S, time.monotonic())
             for content in answer.iter_raw():  # chunks of any size: waiting for full ones would hide a trickle
-                check_room(part.parent, max(len(content), size - got))
+                check_free_space(part.parent, max(len(content), size - got))
                 got += len(content)
                 if got > limit:
                     raise too_large
-                if (now := time.monotonic()) > patience.until:
+                if (now := time.monotonic()) > patience.expires_at:
                     raise SceneNotAdded(f"{display_name(url)} is too slow; the download was aborted.")
-                patience.progress(len(content), now)
+                patience.extend(len(content), now)
                 target.write(content)
                 if size:
                     listener(got / size)

@@ -13,7 +13,7 @@ from starlette.routing import Route
 from starlette.types import ASGIApp
 
 from tigas_common.errors import problem
-from tigas_common.metrics import CountedRequests, metrics_route, new_registry
+from tigas_common.metrics import RequestMetrics, metrics_route, new_registry
 from tigas_common.openapi import openapi
 from tigas_common.origins import OriginCheck
 from tigas_common.web import (
@@ -22,8 +22,8 @@ from tigas_common.web import (
     HAS_IT_ALREADY,
     JSON,
     PICTURES,
+    CachedContent,
     ModelResponse,
-    Tagged,
     created_response,
     described,
     healthy,
@@ -80,7 +80,7 @@ def create_app(service: RenderService) -> ASGIApp:
         # Not a mount, which would match before the router could reject a wrong method for the routes above.
         app.router.default = Page(STATIC, _config)
     # The engine counts frames, including the ones it renders for other processes.
-    return CountedRequests(OriginCheck(app, service.origins), app.routes, registry, besides=PATH)
+    return RequestMetrics(OriginCheck(app, service.origins), app.routes, registry, besides=PATH)
 
 
 @described(query={"scan": "`1`: rescan the models directory first."})
@@ -188,14 +188,14 @@ async def weights(request: Request) -> Response:
     """The weights of a scene's own networks."""
     service = _service(request)
     source = service.registry.source(request.path_params["id"])
-    return (await asyncio.to_thread(lambda: Tagged(service.weights.read(source), BYTES))).answer(request)
+    return (await asyncio.to_thread(lambda: CachedContent(service.weights.read(source), BYTES))).response(request)
 
 
 @described(gives=(BYTES,), also=HAS_IT_ALREADY)
 async def general_weights(request: Request) -> Response:
     """The weights of the networks for any scene."""
     weights_store = _service(request).weights
-    return (await asyncio.to_thread(lambda: Tagged(weights_store.read_general(), BYTES))).answer(request)
+    return (await asyncio.to_thread(lambda: CachedContent(weights_store.read_general(), BYTES))).response(request)
 
 
 @described(query={"scene": "The scene that the page shows: `has_scene` says whether it still exists."})

@@ -12,8 +12,8 @@ from starlette.routing import Route
 
 from tigas_common.address import client_network
 from tigas_common.errors import InvalidRequest
-from tigas_common.proxy import unless, until_left
-from tigas_common.web import ARRIVED, EXCEPTION_HANDLERS, NO_STORE, PICTURES, described, read_message
+from tigas_common.proxy import run_until, wait_for_disconnect
+from tigas_common.web import ARRIVAL_KEY, EXCEPTION_HANDLERS, NO_STORE, PICTURES, described, read_message
 from tigas_common.wire.render import RenderRequest
 from tigas_render.admission.viewers import HttpViewers, RequestRate
 from tigas_render.frame import Client, Frame, FrameSource, Transport
@@ -50,9 +50,9 @@ async def render(request: Request) -> Response:
     render_request = await read_message(request, RenderRequest)
     if render_request.video is not None:
         raise InvalidRequest("format: h264 needs a WebTransport session, as a video's frames refer to each other.")
-    arrived = getattr(request.state, ARRIVED, began)
+    arrived = getattr(request.state, ARRIVAL_KEY, began)
     answer = frames.source.submit(client, render_request, arrived)
-    frame = await unless(until_left(request.receive), answer)
+    frame = await run_until(wait_for_disconnect(request.receive), answer)
     if frame is None:
         return Response(status_code=CLIENT_GONE)
     timing = frame.timing

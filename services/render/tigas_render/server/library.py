@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 
 from tigas_common.errors import BrokenScene, DiskFull, Overloaded, TigasError
-from tigas_common.files import NO_SPACE, storage_explained
+from tigas_common.files import NO_SPACE, storage_errors
 from tigas_common.offload import Limit, Offload, offload_to_process
 from tigas_common.wire.render import SceneEdit
 from tigas_render.enhance.weights_store import WeightsStore
@@ -96,7 +96,7 @@ class SceneLibrary:
         if self._registry.scene_info(scene_id).builtin:
             raise BuiltInScene(f"{self._registry.source(scene_id).name} is part of TIGAS and cannot be changed.")
         try:
-            with storage_explained(MODELS):
+            with storage_errors(MODELS):
                 await asyncio.to_thread(change, models, scene_id)
         finally:
             await self._registry.scan()

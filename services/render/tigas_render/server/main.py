@@ -10,10 +10,10 @@ import threading
 from collections.abc import AsyncIterator, Callable, Coroutine, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager, suppress
 
-from tigas_common.address import Address, warning_if_open
+from tigas_common.address import Address, open_warning
 from tigas_common.errors import StartError, TigasError
-from tigas_common.resources import keep_together
-from tigas_common.runner import until_stopped
+from tigas_common.resources import use_one_arena
+from tigas_common.runner import wait_for_stop
 from tigas_common.settings import MODELS
 from tigas_common.terminal import printable
 from tigas_render.local_files import load_or_create_key
@@ -61,7 +61,7 @@ async def serve(settings: RenderSettings) -> None:
         )
         renewer.add_listener(renew)
         print_line("\n".join(announce(service, sockets.http_port, (service.device,))))
-        await wait_until_stopped_or_lost(until_stopped(), service)
+        await wait_until_stopped_or_lost(wait_for_stop(), service)
 
 
 def print_line(line: str) -> None:
@@ -71,7 +71,7 @@ def print_line(line: str) -> None:
 @asynccontextmanager
 async def open_service(settings: RenderSettings, print_line: Callable[[str], None]) -> AsyncIterator[RenderService]:
     """Prepare the process and open the service, without any servers, as a context manager. Raises StartError."""
-    keep_together()
+    use_one_arena()
     _prepare_directory(settings)
     try:
         rasterizer = create_rasterizer(settings.device, settings.cache)
@@ -143,7 +143,7 @@ def announce(service: RenderService, http_port: int, devices: Sequence[str]) -> 
         lines.append("Only the API is available, because the page is not built: run `npm ci && npm run build` in web/.")
     if service.https_port:
         lines.append(f"Other devices on the network: https://<this machine's address>:{service.https_port}/")
-    if warning := warning_if_open(service.settings.addresses):
+    if warning := open_warning(service.settings.addresses):
         lines.append(warning)
     lines.append(f"Open {service.url}/")
     return lines

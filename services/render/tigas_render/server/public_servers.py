@@ -45,7 +45,7 @@ async def run_public_servers(
     app: the HTTP interface without the proxied services. frames: the source for WebTransport sessions, in this process
     or behind a pipe. http, https: listening sockets. edges: the number of processes that share the limits.
     """
-    limits = HttpLimits.of(settings.http_limits).of_each(edges)
+    limits = HttpLimits.from_settings(settings.http_limits).per_process(edges)
     listeners: list[Callable[[Certificate], None]] = []
     async with AsyncExitStack() as stack:
         app = await stack.enter_async_context(UpstreamProxy.open(app, settings.upstreams, origins, edges))

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from tigas_common.address import Address
 from tigas_common.errors import StartError
 from tigas_common.limits import HttpLimits
-from tigas_common.runner import explained
-from tigas_common.udp import bind_all, bind_another
+from tigas_common.runner import listen_errors
+from tigas_common.udp import bind_all, bind_shared
 from tigas_render.settings import RenderSettings
 from tigas_render.transport.shared_port import attach_steering
 
@@ -53,7 +53,7 @@ class PublicSockets:
         with ExitStack() as stack:
             quic: tuple[tuple[socket.socket, ...], ...] = ()
             if settings.quic is not None:
-                with explained(settings.quic, "--quic"):
+                with listen_errors(settings.quic, "--quic"):
                     families = [
                         _bind_edges(first, edges, stack) for first in bind_all(settings.quic.host, settings.quic.port)
                     ]
@@ -66,10 +66,10 @@ class PublicSockets:
 
 
 def _bind_edges(first: socket.socket, edges: int, stack: ExitStack) -> list[socket.socket]:
-    others = (bind_another(first) for _ in range(edges - 1))
+    others = (bind_shared(first) for _ in range(edges - 1))
     return [stack.enter_context(first), *map(stack.enter_context, others)]
 
 
 def _listen(address: Address, flag: str, settings: RenderSettings, stack: ExitStack) -> socket.socket:
-    with explained(address, flag):
-        return stack.enter_context(address.listen(HttpLimits.of(settings.http_limits).unread_s))
+    with listen_errors(address, flag):
+        return stack.enter_context(address.listen(HttpLimits.from_settings(settings.http_limits).unread_s))

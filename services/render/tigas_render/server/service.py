@@ -14,13 +14,13 @@ from urllib.parse import urlsplit
 from prometheus_client.core import GaugeMetricFamily, Metric
 from prometheus_client.registry import Collector
 
-from tigas_common.address import bracketed, is_loopback
+from tigas_common.address import bracket_host, is_loopback
 from tigas_common.errors import BrokenScene, DeviceLost, Overloaded
 from tigas_common.http_server import tcp_congestion_control
 from tigas_common.installation import this_commit
 from tigas_common.metrics import labelled_gauge
 from tigas_common.origins import OriginPolicy
-from tigas_common.topology import SERVICES_PATH, reached
+from tigas_common.topology import SERVICES_PATH, reachable_services
 from tigas_common.wire.render import (
     DEFAULT_LADDER,
     HostLoad,
@@ -100,7 +100,7 @@ class RenderService(FrameSource):
         self.engine = Engine(rasterizer, self.registry, DEFAULT_LADDER, metrics, time.monotonic)
         self.certificate: Certificate | None = None
         """The certificate presented over QUIC, once QUIC is served."""
-        self.origins = OriginPolicy.of(settings.addresses, settings.allow_hosts, settings.allow_origins)
+        self.origins = OriginPolicy.from_addresses(settings.addresses, settings.allow_hosts, settings.allow_origins)
         self.loads = EdgeLoads(time.monotonic)
         self.metrics = (metrics, StateMetrics(self.engine, self.registry), self.loads)
         self.admission = ViewerAdmission(settings.quic_limits)
@@ -158,7 +158,7 @@ class RenderService(FrameSource):
         quic_host = "127.0.0.1" if host == "localhost" else host
         quic_port = self.quic_port if self._can_reach_quic(host) else None
         certificate = self.certificate if quic_port else None
-        http3 = f"https://{bracketed(quic_host)}:{quic_port}" if quic_port else None
+        http3 = f"https://{bracket_host(quic_host)}:{quic_port}" if quic_port else None
         return ServerConfig(
             version=version("tigas"),
             commit=self._commit,
@@ -168,8 +168,8 @@ class RenderService(FrameSource):
             certificate_sha256=certificate.sha256 if certificate else None,
             public_key_sha256=certificate.public_key_sha256 if certificate else None,
             webtransport_url=http3 and f"{http3}/render",
-            https_url=f"https://{bracketed(host)}:{self.https_port}/" if self.https_port else None,
-            services=reached(page, self.settings.services, self.settings.upstreams),
+            https_url=f"https://{bracket_host(host)}:{self.https_port}/" if self.https_port else None,
+            services=reachable_services(page, self.settings.services, self.settings.upstreams),
             dash_h3_url=f"{http3}{SERVICES_PATH}/dash" if http3 and "dash" in self.settings.upstreams else None,
             congestion_control=self.settings.congestion_control if quic_port else None,
             tcp_congestion_control=tcp_congestion_control(),

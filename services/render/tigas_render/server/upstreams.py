@@ -22,9 +22,19 @@ from websockets.exceptions import InvalidStatus, WebSocketException
 from websockets.typing import Origin
 
 from tigas_common.errors import Overloaded, ServiceAway, ServiceSilent, TigasError, UnknownService
-from tigas_common.limits import ConcurrencyLimit, quota
+from tigas_common.limits import ConcurrencyLimit, share_limit
 from tigas_common.origins import OriginPolicy
-from tigas_common.proxy import HOP_BY_HOP, ask, client_of, forwarded, hand_back, headers_of, refuse, unless, until_left
+from tigas_common.proxy import (
+    HOP_BY_HOP,
+    client_key,
+    forward,
+    forwarded_headers,
+    response_headers,
+    run_until,
+    send_error,
+    stream_response,
+    wait_for_disconnect,
+)
 from tigas_common.topology import SERVICES_PATH, ServiceName
 
 TITLES: Mapping[ServiceName, str] = {
@@ -82,7 +92,7 @@ class UpstreamProxy:
             rest = {**scope, "raw_path": path.removeprefix(prefix) or b"/"}
             await service.forward(rest, prefix, receive, send)
         except TigasError as error:
-            await refuse(error, self._origins, scope, receive, send)
+            await send_error(error, self._origins, scope, receive, send)
 
 
 class _Upstream:
@@ -90,7 +100,7 @@ class _Upstream:
         self._title = TITLES[name]
         self._url = httpx.URL(url)
         limit = math.ceil(MAX_REQUESTS / processes)
-        self._running = ConcurrencyLimit(limit, min(limit, quota(MAX_REQUESTS_PER_ADDRESS, processes)))
+        self._running = ConcurrencyLimit(limit, min(limit, share_limit(MAX_REQUESTS_PER_ADDRESS, processes)))
         self._transport = httpx.AsyncHTTPTransport(
             limits=httpx.Limits(max_connections=limit, keepalive_expiry=KEEPALIVE_S)
         )
@@ -99,16 +109,16 @@ class _Upstream:
     async def forward(self, scope: Scope, prefix: bytes, receive: Receive, send: Send) -> None:
         """Forward a request. Raises Overloaded, ServiceAway and ServiceSilent before the answer has begun."""
         busy = Overloaded(f"The {self._title} is handling too many requests; try again later.")
-        with self._running.one_more(client_of(scope), busy):
+        with self._running.acquire(client_key(scope), busy):
             if scope["type"] == "websocket":
                 with self._translate_errors():
                     await _relay(self._url, scope, receive, send)
             elif (answer := await self._request(scope, receive)) is not None:
                 # `Location` must be a path on this origin
                 headers = [
-                    (name, prefix + value if name == b"location" else value) for name, value in headers_of(answer)
+                    (name, prefix + value if name == b"location" else value) for name, value in response_headers(answer)
                 ]
-                await hand_back(answer, headers, receive, send)
+                await stream_response(answer, headers, receive, send)
 
     async def _request(self, scope: Scope, receive: Receive) -> httpx.Response | None:
         """Return the answer, or None if the client disconnects first."""
@@ -119,11 +129,13 @@ class _Upstream:
 
         async def left() -> None:
             await sent.wait()
-            await until_left(receive)
+            await wait_for_disconnect(receive)
 
         try:
             with self._translate_errors():
-                return await unless(left(), ask(self._transport, str(self._url), scope, body, silence_s=TIMEOUT_S))
+                return await run_until(
+                    left(), forward(self._transport, str(self._url), scope, body, silence_s=TIMEOUT_S)
+                )
         except ClientDisconnect:
             return None
 
@@ -154,7 +166,7 @@ async def _relay(url: httpx.URL, scope: Scope, receive: Receive, send: Send) -> 
     headers, query = Headers(scope=scope), scope["query_string"]
     target = (scope["raw_path"] + (b"?" + query if query else b"")).decode("ascii")
     about = [(name, value) for name, value in headers.items() if name.startswith("sec-fetch-")]
-    about += [(name.decode(), value.decode()) for name, value in forwarded(scope)]
+    about += [(name.decode(), value.decode()) for name, value in forwarded_headers(scope)]
     origin = headers.get("origin")
     try:
         service = await connect(

@@ -14,7 +14,7 @@ from aioquic.h3.events import Headers
 from starlette.types import ASGIApp, Message, Scope
 
 from tigas_common.proxy import HOP_BY_HOP
-from tigas_common.web import ARRIVED, error_response, problem_response
+from tigas_common.web import ARRIVAL_KEY, error_response, problem_response
 from tigas_common.wire.render import Problem
 from tigas_render.transport.sending import StreamClosed, StreamWriter
 
@@ -73,7 +73,7 @@ class HttpRequest:
     def data_received(self, data: bytes, end_stream: bool, arrived: float) -> None:
         """Add the next part of the body. end_stream: whether it is the last part."""
         self._ended |= end_stream
-        self._scope["state"][ARRIVED] = arrived
+        self._scope["state"][ARRIVAL_KEY] = arrived
         if data and not self._disconnected and not self._complete:
             self._body += data
             self.writer.set_unread_bytes(len(self._body))

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tigas_common.errors import BodyTooLarge, Overloaded, TigasError
-from tigas_common.files import check_room, storage_explained
+from tigas_common.files import check_free_space, storage_errors
 from tigas_render.local_files import lock_directory
 from tigas_render.settings import RenderSettings
 
@@ -89,7 +89,7 @@ class Uploads:
         """Start an upload. Raises BodyTooLarge, Overloaded if there are too many, DiskFull and StorageFailed."""
         if length > self.limit:
             raise BodyTooLarge(f"The file has {_gb(length)}; this service accepts up to {_gb(self.limit)}.")
-        with storage_explained(MODELS):
+        with storage_errors(MODELS):
             self._root.mkdir(exist_ok=True)
             with lock_directory(self._root):
                 self.expire()
@@ -103,7 +103,7 @@ class Uploads:
                         f"{MAX_PER_ADDRESS} files are being uploaded from this address already; try again later.",
                         RETRY_S,
                     )
-                check_room(self._root, length + sum(each.length - each.offset for each in others))
+                check_free_space(self._root, length + sum(each.length - each.offset for each in others))
                 folder = self._root / secrets.token_hex(16)
                 folder.mkdir()
                 (folder / _METADATA_FILE).write_text(json.dumps({"scene": scene, "length": length, "address": address}))
@@ -130,8 +130,8 @@ class Uploads:
         upload = self.get(id)
         if offset + len(part) > upload.length:
             raise BodyTooLarge(f"This is more than the {upload.length} bytes announced for the upload.")
-        with storage_explained(MODELS), upload.path.open("r+b", buffering=0) as file:
-            check_room(self._root, len(part))
+        with storage_errors(MODELS), upload.path.open("r+b", buffering=0) as file:
+            check_free_space(self._root, len(part))
             fcntl.flock(file, fcntl.LOCK_EX)
             has = file.seek(0, os.SEEK_END)
             if has != offset:

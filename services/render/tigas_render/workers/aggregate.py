@@ -20,8 +20,16 @@ from tigas_common.errors import Overloaded, TigasError
 from tigas_common.limits import ConcurrencyLimit
 from tigas_common.origins import OriginPolicy
 from tigas_common.parsing import MAX_BODY
-from tigas_common.placement import merged_scene, merged_scenes
-from tigas_common.proxy import ask, client_of, hand_back, headers_of, refuse, unless, until_left
+from tigas_common.placement import merge_scene_infos, merge_scene_lists
+from tigas_common.proxy import (
+    client_key,
+    forward,
+    response_headers,
+    run_until,
+    send_error,
+    stream_response,
+    wait_for_disconnect,
+)
 from tigas_common.web import read_body
 from tigas_common.wire.render import HostLoad, SceneInfo, Training
 from tigas_render.pipe.engines import EnginePool
@@ -57,13 +65,13 @@ class _EnginesApp(ABC):
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         try:
-            with self._running.one_more(client_of(scope), Overloaded(BUSY, BUSY_RETRY_S)):
+            with self._running.acquire(client_key(scope), Overloaded(BUSY, BUSY_RETRY_S)):
                 body = await read_body(Request(scope, receive), MAX_BODY)
-                answer = await unless(until_left(receive), self.forward(scope, body))
+                answer = await run_until(wait_for_disconnect(receive), self.forward(scope, body))
                 if answer is not None:
-                    await hand_back(answer, headers_of(answer), receive, send)
+                    await stream_response(answer, response_headers(answer), receive, send)
         except TigasError as error:
-            await refuse(error, self._origins, scope, receive, send)
+            await send_error(error, self._origins, scope, receive, send)
 
     @abstractmethod
     async def forward(self, scope: Scope, body: bytes) -> httpx.Response:
@@ -84,7 +92,7 @@ class EngineProxy(_EnginesApp):
 
     async def forward(self, scope: Scope, body: bytes) -> httpx.Response:
         try:
-            return await ask(self._transport, "http://engine/", scope, body)
+            return await forward(self._transport, "http://engine/", scope, body)
         except httpx.TransportError as error:
             raise Overloaded(UNAVAILABLE, RETRY_S) from error
 
@@ -182,7 +190,7 @@ class EngineAggregator(_EnginesApp):
 
     async def _change(self, scope: Scope, body: bytes) -> httpx.Response:
         """Let one engine change the models directory, and then all engines scan it."""
-        with self._change_limit.one_more(client_of(scope), Overloaded(BUSY, BUSY_RETRY_S)):
+        with self._change_limit.acquire(client_key(scope), Overloaded(BUSY, BUSY_RETRY_S)):
             answer = await self._ask_in_order(self._reachable_engines(), scope, body, whole=True)
             if answer.is_success:
                 await self._ask_all({**scope, "method": "GET", "raw_path": b"/scenes", "query_string": b"scan=1"}, b"")
@@ -210,7 +218,7 @@ class EngineAggregator(_EnginesApp):
             return answer
 
         try:
-            return await (unless(engine.pipe.closed, ask()) if engine.pipe.is_connected else ask())
+            return await (run_until(engine.pipe.closed, ask()) if engine.pipe.is_connected else ask())
         except (Overloaded, httpx.TransportError):
             return None
 
@@ -223,11 +231,13 @@ def _replace_body(answer: httpx.Response, content: bytes) -> httpx.Response:
 
 
 def merge_scenes(bodies: Bodies) -> bytes:
-    return _SCENES.dump_json(merged_scenes(_SCENES.validate_json(body) for body in bodies.values()))
+    return _SCENES.dump_json(merge_scene_lists(_SCENES.validate_json(body) for body in bodies.values()))
 
 
 def merge_scene(bodies: Bodies) -> bytes:
-    return merged_scene([SceneInfo.model_validate_json(body) for body in bodies.values()]).model_dump_json().encode()
+    return (
+        merge_scene_infos([SceneInfo.model_validate_json(body) for body in bodies.values()]).model_dump_json().encode()
+    )
 
 
 def merge_training(bodies: Bodies) -> bytes:

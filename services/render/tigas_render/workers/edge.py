@@ -14,7 +14,7 @@ from starlette.routing import Match
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from tigas_common.origins import OriginCheck, OriginPolicy
-from tigas_common.resources import keep_together
+from tigas_common.resources import use_one_arena
 from tigas_render.admission.load import Load, LoadState
 from tigas_render.admission.viewers import ViewerAdmission
 from tigas_render.pipe.client import PipeClient
@@ -45,10 +45,10 @@ REPORT_TICKS = 10
 
 async def run_edge(channel: Channel, start: Start, messages: AsyncIterator[Message]) -> None:
     """Serve clients until the supervisor stops this process."""
-    keep_together()
+    use_one_arena()
     assert isinstance(start, EdgeStart)
     settings = start.settings
-    origins = OriginPolicy.of(settings.addresses, settings.allow_hosts, settings.allow_origins)
+    origins = OriginPolicy.from_addresses(settings.addresses, settings.allow_hosts, settings.allow_origins)
     admission = ViewerAdmission(settings.quic_limits)
     tickets = SharedTickets(channel.send)
 

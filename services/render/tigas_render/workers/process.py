@@ -13,8 +13,8 @@ import uvloop
 
 from tigas_common.cli import log_to_stdout
 from tigas_common.errors import StartError
-from tigas_common.proxy import unless
-from tigas_common.runner import until_stopped
+from tigas_common.proxy import run_until
+from tigas_common.runner import wait_for_stop
 from tigas_common.settings import ServiceSettings
 from tigas_render.workers.control import Channel, EdgeStart, EngineStart, Failed, Loaded, Message, Start
 
@@ -64,4 +64,4 @@ async def listen_until_stopped(messages: AsyncIterator[Message], on_message: Cal
         async for message in messages:
             on_message(message)
 
-    await unless(until_stopped(), listen())
+    await run_until(wait_for_stop(), listen())

@@ -9,8 +9,8 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from tigas_common.resources import keep_together
-from tigas_common.runner import until_stopped
+from tigas_common.resources import use_one_arena
+from tigas_common.runner import wait_for_stop
 from tigas_render.local_files import load_or_create_key, locked_directory
 from tigas_render.server.certificates import CertificateRenewer
 from tigas_render.server.public_sockets import PublicSockets
@@ -44,7 +44,7 @@ async def supervise(settings: RenderSettings, devices: tuple[str, ...], edges: i
 
     Raises StartError.
     """
-    keep_together()
+    use_one_arena()
     with (
         PublicSockets.open(settings, edges) as sockets,
         open_counts_file(edges) as counts,
@@ -92,9 +92,9 @@ class Supervisor:
     async def run(self) -> None:
         """Keep all workers running until SIGINT or SIGTERM. Raises StartError."""
         workers = (*self._engines, *self._edges)
-        stopped = asyncio.create_task(until_stopped())
+        stopped = asyncio.create_task(wait_for_stop())
         ready = asyncio.create_task(self._announce())
-        supervising = [asyncio.create_task(worker.keep()) for worker in workers]
+        supervising = [asyncio.create_task(worker.run()) for worker in workers]
         try:
             await asyncio.wait((stopped, *supervising), return_when=asyncio.FIRST_COMPLETED)
         finally:
@@ -109,9 +109,9 @@ class Supervisor:
         """Stop the workers, edges first, so that running requests are still answered."""
         began = time.monotonic()
         await self._standby.kill()
-        await asyncio.gather(*(edge.end(EDGE_STOP_TIMEOUT_S) for edge in self._edges))
+        await asyncio.gather(*(edge.stop(EDGE_STOP_TIMEOUT_S) for edge in self._edges))
         patience_s = began + STOP_TIMEOUT_S - time.monotonic()
-        await asyncio.gather(*(engine.end(patience_s) for engine in self._engines))
+        await asyncio.gather(*(engine.stop(patience_s) for engine in self._engines))
 
     async def _announce(self) -> None:
         """Print the announcement once all workers are serving, except engines that cannot, and then keep a standby."""

@@ -14,7 +14,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 from tigas_common.errors import StartError
-from tigas_common.processes import BackOff, Supervised, how_it_ended
+from tigas_common.processes import Backoff, SupervisedProcess, describe_exit
 from tigas_render.workers.control import Channel, Failed, Loaded, Message, Ready
 
 logger = logging.getLogger(__name__)
@@ -55,7 +55,7 @@ class WorkerProcess:
             self.process.send_signal(number)
 
 
-class Worker(Supervised):
+class Worker(SupervisedProcess):
     """An edge or an engine. Others may take over its work while it is down."""
 
     def __init__(
@@ -88,10 +88,10 @@ class Worker(Supervised):
         if self._running is not None:
             self._running.channel.send(message)
 
-    async def keep(self) -> None:
-        """Run it until `end`. Raises StartError if it fails to start or exits too often, and no other replaces it."""
+    async def run(self) -> None:
+        """Run it until `stop`. Raises StartError if it fails to start or exits too often, and no other replaces it."""
         try:
-            await super().keep()
+            await super().run()
         finally:
             self.settled.set()
 
@@ -127,12 +127,12 @@ class Worker(Supervised):
             await launched.channel.close()
 
     async def _pause(self, status: int | OSError, delay_s: float | None) -> float:
-        if self._served_s() > BackOff.WINDOW_S:
+        if self._served_s() > Backoff.WINDOW_S:
             self._retry_s = None
         if self._retry_s is None and self.ready.is_set() and delay_s is not None:
             why = f" {self._failure}" if self._failure else ""
-            _warn(f"The {self.name} exited ({how_it_ended(status)}); restarting it.{why}")
-            return 0.0 if delay_s == BackOff.FIRST_S else delay_s  # at once the first time, because viewers are waiting
+            _warn(f"The {self.name} exited ({describe_exit(status)}); restarting it.{why}")
+            return 0.0 if delay_s == Backoff.FIRST_S else delay_s  # at once the first time, because viewers are waiting
         if not await self._is_replaced():
             raise StartError(self._failure_message(status))
         self._retry_s = RETRY_S if self._retry_s is None else min(2 * self._retry_s, MAX_RETRY_S)
@@ -164,12 +164,12 @@ class Worker(Supervised):
         """Explain why the worker is not simply restarted."""
         if not self.ready.is_set():
             if self._failure is None:
-                return f"The {self.name} did not start ({how_it_ended(status)})."
+                return f"The {self.name} did not start ({describe_exit(status)})."
             return f"The {self.name} did not start: {self._failure}" if self.others else self._failure
         reason = f" {self._failure}" if self._failure else ""
         return (
-            f"The {self.name} exited {BackOff.ENDS} times within {BackOff.WINDOW_S:g} s, the last time with "
-            f"{how_it_ended(status)}.{reason}"
+            f"The {self.name} exited {Backoff.MAX_EXITS} times within {Backoff.WINDOW_S:g} s, the last time with "
+            f"{describe_exit(status)}.{reason}"
         )
 
 

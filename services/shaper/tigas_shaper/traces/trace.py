@@ -13,7 +13,7 @@ from itertools import accumulate, pairwise
 from pydantic import ValidationError
 
 from tigas_common.errors import TigasError
-from tigas_common.parsing import sentence
+from tigas_common.parsing import describe_error
 from tigas_common.wire.shaper import MAX_DURATION_MS, LinkSetting
 
 MAX_STEPS = 250_000
@@ -178,7 +178,7 @@ class TraceBuilder:
                 down_kbps=down_kbps, up_kbps=up_kbps, delay_ms=delay_ms, jitter_ms=jitter_ms, loss_pct=loss_pct
             )
         except ValidationError as error:
-            raise TraceError(f"Line {line}: {sentence(error)}") from None
+            raise TraceError(f"Line {line}: {describe_error(error)}") from None
         self._times.append(start)
         self._states.append(state)
 

@@ -159,8 +159,8 @@ def test_streams_that_are_reset_are_replaced_at_a_limited_rate() -> None:
     limit, rate, seconds = RateLimit[str](), 20.0, 5
 
     def reset_delay(now: float) -> float:
-        if not (delay := limit.delay("a", now, rate, burst_s=1.0)):
-            limit.use("a", now, rate)
+        if not (delay := limit.delay_s("a", now, rate, burst_s=1.0)):
+            limit.consume("a", now, rate)
         return delay
 
     simulation = Simulation(reset_delay)

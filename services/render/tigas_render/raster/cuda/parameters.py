@@ -105,7 +105,7 @@ def _lens(
     edge_pixels: float,
 ) -> bytes:
     dilation, low_pass = footprint(display_scale, antialiased)
-    limits = derivative_limits(k.widened(-margins[0], -margins[1]))
+    limits = derivative_limits(k.with_margins(-margins[0], -margins[1]))
     numbers = k.fx, k.fy, k.cx, k.cy, dilation, dilation + low_pass
     reach = edge_pixels / max(k.fx, k.fy)
     return _LENS.pack(*numbers, *map(_float32, limits), *background, _float32(reach))
