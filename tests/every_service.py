@@ -29,7 +29,7 @@ from tigas_common.topology import PAGE_ORIGINS
 from tigas_dash.app import create_app as dash_app
 from tigas_dash.clock import Clock
 from tigas_dash.sessions import Sessions
-from tigas_dash.webrtc.stream import WebRtc
+from tigas_dash.webrtc.stream import WebRtcServer
 from tigas_experiments.store.app import create_app as store_app
 from tigas_experiments.store.main import open_store
 from tigas_render.server.app import create_app as render_app
@@ -61,8 +61,8 @@ async def dash(folder: Path) -> AsyncIterator[ASGIApp]:
     transport = httpx.ASGITransport(FakeRender().app, raise_app_exceptions=False)
     async with (
         httpx.AsyncClient(transport=transport, base_url="http://render") as upstream,
-        Sessions(RenderClient(upstream), "libx264", Clock(), limit=2, idle_s=LONG_S).running() as sessions,
-        WebRtc.running(RenderClient(upstream), Address("127.0.0.1", 0), Clock()) as webrtc,
+        Sessions(RenderClient(upstream), "libx264", Clock(), limit=2, idle_s=LONG_S).run() as sessions,
+        WebRtcServer.listen(RenderClient(upstream), Address("127.0.0.1", 0), Clock()) as webrtc,
     ):
         yield dash_app(sessions, OriginPolicy(), webrtc)
 

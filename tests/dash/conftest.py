@@ -27,7 +27,7 @@ from tigas_common.wire.dash import SessionRequest
 from tigas_dash.app import create_app
 from tigas_dash.clock import Clock
 from tigas_dash.sessions import Sessions
-from tigas_dash.webrtc.stream import WebRtc
+from tigas_dash.webrtc.stream import WebRtcServer
 
 PATIENCE_S = 20
 
@@ -119,10 +119,8 @@ async def running_packager(idle_s: float = 600, limit: int = 3) -> AsyncIterator
     async with AsyncExitStack() as stack:
         upstream = await stack.enter_async_context(httpx.AsyncClient(transport=transport, base_url="http://render"))
         client, clock = RenderClient(upstream), Clock()
-        sessions = await stack.enter_async_context(
-            Sessions(client, "libx264", clock, limit=limit, idle_s=idle_s).running()
-        )
-        webrtc = await stack.enter_async_context(WebRtc.running(client, anywhere, clock))
+        sessions = await stack.enter_async_context(Sessions(client, "libx264", clock, limit=limit, idle_s=idle_s).run())
+        webrtc = await stack.enter_async_context(WebRtcServer.listen(client, anywhere, clock))
         app = create_app(sessions, OriginPolicy(), webrtc)
         port = await stack.enter_async_context(serve_http(app, anywhere, HttpLimits(), websockets=True))
         http = await stack.enter_async_context(httpx.AsyncClient(base_url=f"http://127.0.0.1:{port}", timeout=10))

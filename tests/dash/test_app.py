@@ -21,7 +21,7 @@ from tests.dash.conftest import Packager, announcement, pose, session_request
 from tests.visitor import Visitor
 from tigas_common.origins import OriginPolicy
 from tigas_dash.app import create_app
-from tigas_dash.webrtc.stream import WebRtc
+from tigas_dash.webrtc.stream import WebRtcServer
 
 pytestmark = pytest.mark.anyio
 
@@ -147,7 +147,7 @@ async def test_a_reader_that_stops_reading_holds_up_nobody(packager: Packager) -
 
 
 async def test_a_client_that_left_while_its_stream_was_opened_leaves_none_behind(packager: Packager) -> None:
-    app = create_app(packager.sessions, OriginPolicy(), Mock(spec=WebRtc))
+    app = create_app(packager.sessions, OriginPolicy(), Mock(spec=WebRtcServer))
     visitor = Visitor(app, "POST", "/sessions", body=json.dumps(session_request()).encode())
     visitor.left.set()
     await visitor.asking

@@ -14,14 +14,16 @@ from tigas_common.wire.render import DEFAULT_LADDER, Rung
 from tigas_dash import encoder as encoder_module
 from tigas_dash.encoder import Encoder, choose_encoder
 from tigas_dash.errors import EncoderUnavailable
-from tigas_dash.representation import representations
+from tigas_dash.representation import choose_representations
 
 pytestmark = pytest.mark.anyio
 
 
 def offered(**changes: object) -> list[tuple[str, int, int]]:
     """Name and size of each representation, for a viewer of the usual ladder."""
-    return [(one.id, one.width, one.height) for one in representations(parsed_request(**changes), DEFAULT_LADDER)]
+    return [
+        (one.id, one.width, one.height) for one in choose_representations(parsed_request(**changes), DEFAULT_LADDER)
+    ]
 
 
 @pytest.mark.parametrize(
@@ -53,7 +55,7 @@ def test_of_a_ladder_with_many_rungs_a_few_sizes_are_offered(viewport: tuple[int
         for i, width in enumerate(widths)
     ]
     request = parsed_request(width=viewport[0], height=viewport[1], representations=None)
-    assert [one.id for one in representations(request, ladder)] == expected
+    assert [one.id for one in choose_representations(request, ladder)] == expected
 
 
 async def test_one_render_per_tick_makes_every_representation(packager: Packager) -> None:

@@ -25,8 +25,8 @@ from tigas_dash.clock import Clock
 from tigas_dash.cmaf import Sample
 from tigas_dash.encoder import LadderEncoder, RawFrame
 from tigas_dash.errors import ExpiredSegment
-from tigas_dash.representation import representations
-from tigas_dash.session import MAX_UNREAD, Session
+from tigas_dash.representation import choose_representations
+from tigas_dash.session import MAX_UNREAD, DashStream
 from tigas_dash.source import ViewSource
 from tigas_dash.stream import NewestView
 
@@ -47,17 +47,17 @@ class SlowEncoder(LadderEncoder):
 
 
 @asynccontextmanager
-async def streaming(clock: FakeClock, takes_s: float = 0.001, **changes: Any) -> AsyncIterator[Session]:
+async def streaming(clock: FakeClock, takes_s: float = 0.001, **changes: Any) -> AsyncIterator[DashStream]:
     """A stream of a still camera, as a context manager; `takes_s` is the encoding time of a frame."""
     request = parsed_request(**changes)
-    ladder = representations(request, DEFAULT_LADDER)
+    ladder = choose_representations(request, DEFAULT_LADDER)
     encoder = SlowEncoder("libx264", ladder, request.frame_rate, request.frames_per_segment)
     encoder.clock, encoder.takes_s = clock, takes_s
     width, height = ladder[0].width, ladder[0].height
     first = RawFrame(grey(width, height, 100), width, height, 0)
     async with httpx.AsyncClient() as nobody, asyncio.timeout(PATIENCE_S):
         source = ViewSource(RenderClient(nobody), request, ladder[0])
-        session = Session("session", request, ladder, source, encoder, first, clock)
+        session = DashStream("session", request, ladder, source, encoder, first, clock)
         running = asyncio.create_task(session.run())
         try:
             yield session
@@ -73,7 +73,7 @@ async def told(frames: Announcements, media_time_s: float) -> FrameShown:
     return shown
 
 
-async def samples(session: Session, representation: str, segments: Sequence[int]) -> list[tuple[int, int, bool]]:
+async def samples(session: DashStream, representation: str, segments: Sequence[int]) -> list[tuple[int, int, bool]]:
     """Of each frame in some segments: its tick, for how many it lasts, and whether it is a keyframe."""
     data, window = session.media.track(representation).header, session.media.track(representation).segments
     for number in segments:
@@ -89,7 +89,7 @@ async def samples(session: Session, representation: str, segments: Sequence[int]
 
 async def test_media_time_stays_with_the_clock_though_the_encoder_is_too_slow() -> None:
     clock = FakeClock()
-    async with streaming(clock, takes_s=0.08) as session, session.watch() as frames:
+    async with streaming(clock, takes_s=0.08) as session, session.subscribe() as frames:
         for tenth in range(100):
             shown = await told(frames, tenth / 10)
             assert clock.now() - shown.media_time_s < 0.6
@@ -105,7 +105,7 @@ async def test_a_process_that_was_stopped_goes_on_at_the_present_and_no_segment_
     both = [{"rung": 2}, {"rung": 3}]
     async with (
         streaming(clock, representations=both, frames_per_chunk=frames_per_chunk) as session,
-        session.watch() as frames,
+        session.subscribe() as frames,
     ):
         await told(frames, 1.2)
         clock.wait(3.3)
@@ -121,7 +121,7 @@ async def test_a_process_that_was_stopped_goes_on_at_the_present_and_no_segment_
 
 
 async def test_segments_are_kept_for_as_long_as_the_manifest_says_and_no_longer() -> None:
-    async with streaming(FakeClock()) as session, session.watch() as frames:
+    async with streaming(FakeClock()) as session, session.subscribe() as frames:
         depth_s = float(
             ET.fromstring(session.media.manifest("", FakeClock().wall_now())).attrib["timeShiftBufferDepth"][2:-1]
         )
@@ -142,7 +142,7 @@ def test_wall_clock_time_follows_the_steady_clock() -> None:
 
 
 async def test_a_listener_that_was_away_hears_the_newest_frames() -> None:
-    async with streaming(FakeClock()) as session, session.watch() as away, session.watch() as frames:
+    async with streaming(FakeClock()) as session, session.subscribe() as away, session.subscribe() as frames:
         newest = await told(frames, (MAX_UNREAD + 60) / RATE)
         waiting = [away.get_nowait() for _ in range(away.qsize())]
     assert len(waiting) == MAX_UNREAD
@@ -210,8 +210,8 @@ class Source(ViewSource):
 async def test_a_stream_that_ends_just_as_a_frame_comes_does_end(turns: int) -> None:
     source, first, clock = Source(), RawFrame(b"", 1, 1, 0), Clock()
     views = NewestView("a", source, first, clock)
-    views.move(PoseUpdate(seq=1, position=(1, 0, 0), quaternion=(0, 0, 0, 1)))
-    waiting = asyncio.create_task(views.after(first, clock.now() + 60))
+    views.set_pose(PoseUpdate(seq=1, position=(1, 0, 0), quaternion=(0, 0, 0, 1)))
+    waiting = asyncio.create_task(views.wait_for_newer(first, clock.now() + 60))
     for turn in range(3 + turns):
         if turn == 3:
             source.gate.set()

@@ -12,7 +12,7 @@ from tests.dash.conftest import PATIENCE_S, Packager, announcement, running_pack
 from tests.eventually import eventually
 from tests.prometheus import figures
 from tigas_common.wire.render import Rung
-from tigas_dash.session import Session
+from tigas_dash.session import DashStream
 
 pytestmark = pytest.mark.anyio
 
@@ -94,10 +94,10 @@ async def test_the_end_of_a_session_ends_its_readers_and_watchers(packager: Pack
 
 async def test_housekeeping_goes_on_though_a_stream_ended_before_its_turn(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tigas_dash.sessions.HOUSEKEEPING_S", 0.01)
-    run = Session.run
-    ended: list[Session] = []
+    run = DashStream.run
+    ended: list[DashStream] = []
 
-    async def run_and_end_the_others(self: Session) -> None:
+    async def run_and_end_the_others(self: DashStream) -> None:
         try:
             await run(self)
         finally:
@@ -107,7 +107,7 @@ async def test_housekeeping_goes_on_though_a_stream_ended_before_its_turn(monkey
                     if other is not self:
                         await packager.sessions.end(other.name)
 
-    monkeypatch.setattr(Session, "run", run_and_end_the_others)
+    monkeypatch.setattr(DashStream, "run", run_and_end_the_others)
     async with running_packager() as packager:
         await packager.open()
         await packager.open()

@@ -28,7 +28,7 @@ from tigas_common.wire.dash import PoseUpdate
 from tigas_dash.app import create_app
 from tigas_dash.clock import Clock
 from tigas_dash.sessions import Sessions
-from tigas_dash.webrtc.stream import WebRtc
+from tigas_dash.webrtc.stream import WebRtcServer
 
 LIMIT = 3
 NUMBERS = ("0", "1", "2", "3", "4", "9", "-1", "01", "1e1", "999999999999", "9999999999999", "٣", "", "x", "1.m4s")
@@ -41,7 +41,7 @@ async def packaging(render: FakeRender) -> AsyncIterator[Sessions]:
     transport = httpx.ASGITransport(render.app, raise_app_exceptions=False)
     async with (
         httpx.AsyncClient(transport=transport, base_url="http://render") as upstream,
-        Sessions(RenderClient(upstream), "libx264", Clock(), limit=LIMIT, idle_s=600).running() as sessions,
+        Sessions(RenderClient(upstream), "libx264", Clock(), limit=LIMIT, idle_s=600).run() as sessions,
     ):
         yield sessions
 
@@ -96,7 +96,7 @@ class StreamMachine(RuleBasedStateMachine):
         self.render = FakeRender()
         self.context = packaging(self.render)
         self.running = self.runner.run(self._enter())
-        self.app = create_app(self.running, OriginPolicy(), Mock(spec=WebRtc))
+        self.app = create_app(self.running, OriginPolicy(), Mock(spec=WebRtcServer))
         self.open_sockets: list[Socket] = []
         self.readers: list[asyncio.Task[Any]] = []
 

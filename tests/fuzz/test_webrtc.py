@@ -15,7 +15,7 @@ from tigas_common.address import Address
 from tigas_common.errors import InvalidRequest
 from tigas_dash.clock import Clock
 from tigas_dash.stream import Progress
-from tigas_dash.webrtc.offer import answered, taken
+from tigas_dash.webrtc.offer import accept_offer, create_answer
 from tigas_dash.webrtc.track import ViewTrack
 from tigas_dash.webrtc.udp_port import UdpPort
 
@@ -29,17 +29,17 @@ class NoViews:
 
 
 async def negotiate(offer: str) -> None:
-    async with UdpPort.running(Address("127.0.0.1", 0)) as port, taken(offer) as connection:
+    async with UdpPort.listen(Address("127.0.0.1", 0)) as port, accept_offer(offer) as connection:
         assert connection.sctp is not None
-        lane = port.carry(connection.sctp.transport.transport.iceGatherer._connection, lambda: None, lambda size: None)
+        lane = port.attach(connection.sctp.transport.transport.iceGatherer._connection, lambda: None, lambda size: None)
         track = ViewTrack(NoViews(), 30, Clock(), Progress(), lambda *_: None)  # type: ignore[arg-type]
         try:
-            sdp, codec = await answered(connection, track, port.candidate("localhost").to_sdp())
+            sdp, codec = await create_answer(connection, track, port.candidate("localhost").to_sdp())
             assert codec in ("VP8", "H264")
             assert f"127.0.0.1 {port.number} typ host" in sdp
             await connection.close()
         finally:
-            lane.leave()
+            lane.detach()
 
 
 def test_any_offer_is_answered_or_refused_in_a_sentence() -> None:
@@ -59,9 +59,9 @@ def test_any_offer_is_answered_or_refused_in_a_sentence() -> None:
 
 def test_any_datagram_is_dropped_or_answered() -> None:
     async def all_of(datagrams: list[bytes], name: str) -> None:
-        async with UdpPort.running(Address("127.0.0.1", 0)) as port:
+        async with UdpPort.listen(Address("127.0.0.1", 0)) as port:
             connection = Connection(ice_controlling=False, local_username=name)
-            port.carry(connection, lambda: None, lambda size: None)
+            port.attach(connection, lambda: None, lambda size: None)
             await connection.gather_candidates()
             for datagram in datagrams:
                 port.datagram_received(datagram, ("127.0.0.1", 9), 0.0)

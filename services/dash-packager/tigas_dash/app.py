@@ -41,12 +41,12 @@ from tigas_common.wire.dash import (
     WebRtcRequest,
     WebRtcSession,
 )
-from tigas_dash.clock import iso
+from tigas_dash.clock import xs_datetime
 from tigas_dash.errors import UnknownSegment, UnknownSession
-from tigas_dash.session import Session
+from tigas_dash.session import DashStream
 from tigas_dash.sessions import Sessions
 from tigas_dash.stream import Stream
-from tigas_dash.webrtc.stream import WebRtc
+from tigas_dash.webrtc.stream import WebRtcServer
 
 MAX_OFFER = 2 * MAX_SDP
 """Maximum size of a body with an offer, in bytes: JSON escapes line ends."""
@@ -60,7 +60,7 @@ POSE_PAUSE_S = 0.001
 """Pause after each pose that gives other tasks a turn, as no viewer needs a thousand per second."""
 
 
-def create_app(sessions: Sessions, policy: OriginPolicy, webrtc: WebRtc) -> ASGIApp:
+def create_app(sessions: Sessions, policy: OriginPolicy, webrtc: WebRtcServer) -> ASGIApp:
     """The application for running sessions, which the caller opens and closes."""
     registry = new_registry("dash", sessions.metrics)
     app = Starlette(
@@ -92,11 +92,11 @@ async def open_session(request: Request) -> ModelResponse[SessionInfo]:
     """Open a stream."""
     sessions = _sessions(request)
     session = await sessions.open(await read_message(request, SessionRequest))
-    await _end_if_alone(request, session)
+    await _end_if_disconnected(request, session)
     return created_response(session.info, f"/sessions/{session.name}")
 
 
-async def _end_if_alone(request: Request, session: Stream) -> None:
+async def _end_if_disconnected(request: Request, session: Stream) -> None:
     if await request.is_disconnected():  # the client would never learn the session's name
         await _sessions(request).end(session.name)
 
@@ -104,11 +104,11 @@ async def _end_if_alone(request: Request, session: Stream) -> None:
 @described(takes=WebRtcRequest)
 async def open_webrtc(request: Request) -> ModelResponse[WebRtcSession]:
     """Answer an offer to stream over WebRTC."""
-    webrtc: WebRtc = request.app.state.webrtc
+    webrtc: WebRtcServer = request.app.state.webrtc
     wanted = await read_message(request, WebRtcRequest, MAX_OFFER)
     host = parse_host(request.headers["host"]) or ""
-    session = await _sessions(request).start(lambda: webrtc.make(wanted, host))
-    await _end_if_alone(request, session)
+    session = await _sessions(request).start(lambda: webrtc.create_stream(wanted, host))
+    await _end_if_disconnected(request, session)
     return created_response(session.info, f"/sessions/{session.name}")
 
 
@@ -152,20 +152,20 @@ async def media_segment(request: Request) -> Response:
         raise UnknownSegment("Segments are numbered from 1.")
     chunks = track.segments.read(int(number))
 
-    async def counted() -> AsyncIterator[bytes]:
+    async def count_sent() -> AsyncIterator[bytes]:
         async with asyncio.timeout(session.media.readable_s):  # does not keep segments in memory for a stalled reader
             async for chunk in chunks:
-                session.sent(track.representation.rung, len(chunk))
+                session.count_sent(track.representation.rung, len(chunk))
                 yield chunk
 
     headers = {**NO_STORE, "Timing-Allow-Origin": "*"}  # shows the protocol to pages on another port
-    return StreamingResponse(counted(), media_type="video/iso.segment", headers=headers)
+    return StreamingResponse(count_sent(), media_type="video/iso.segment", headers=headers)
 
 
 @described(gives=(TEXT,))
 async def time(request: Request) -> Response:
     """The stream's wall-clock time, as xs:dateTime."""
-    return PlainTextResponse(iso(_sessions(request).clock.wall_now()), headers=NO_STORE)
+    return PlainTextResponse(xs_datetime(_sessions(request).clock.wall_now()), headers=NO_STORE)
 
 
 async def poses(socket: WebSocket) -> None:
@@ -173,30 +173,30 @@ async def poses(socket: WebSocket) -> None:
     await socket.accept()
     sessions: Sessions = socket.app.state.sessions
     try:
-        session = _of_dash(sessions.get(socket.path_params["session"]))
+        session = _require_dash(sessions.get(socket.path_params["session"]))
     except TigasError as error:
         await socket.close(UNKNOWN_SESSION, error.detail)
         return
-    async with session.watch() as frames:
-        announcing = asyncio.create_task(_announce(socket, frames))
-        listening = asyncio.create_task(_listen(socket, session))
+    async with session.subscribe() as frames:
+        announcing = asyncio.create_task(_send_frames(socket, frames))
+        listening = asyncio.create_task(_receive_poses(socket, session))
         await asyncio.wait((announcing, listening), return_when=asyncio.FIRST_COMPLETED)
         for task in (announcing, listening):
             task.cancel()
         await asyncio.gather(announcing, listening, return_exceptions=True)
 
 
-async def _announce(socket: WebSocket, frames: asyncio.Queue[FrameShown | None]) -> None:
+async def _send_frames(socket: WebSocket, frames: asyncio.Queue[FrameShown | None]) -> None:
     while (shown := await frames.get()) is not None:
         await socket.send_text(shown.model_dump_json())
     await socket.close(STREAM_ENDED, "The stream has ended.")
 
 
-async def _listen(socket: WebSocket, session: Session) -> None:
+async def _receive_poses(socket: WebSocket, session: DashStream) -> None:
     with suppress(WebSocketDisconnect):
         while (message := await socket.receive())["type"] != "websocket.disconnect":
             try:
-                session.move(parse(PoseUpdate, message.get("bytes") or (message.get("text") or "").encode()))
+                session.set_pose(parse(PoseUpdate, message.get("bytes") or (message.get("text") or "").encode()))
             except TigasError as error:
                 await socket.send_text(problem(error).model_dump_json())
             await asyncio.sleep(POSE_PAUSE_S)
@@ -207,11 +207,11 @@ def _sessions(request: Request) -> Sessions:
     return sessions
 
 
-def _session(request: Request) -> Session:
-    return _of_dash(_sessions(request).get(request.path_params["session"]))
+def _session(request: Request) -> DashStream:
+    return _require_dash(_sessions(request).get(request.path_params["session"]))
 
 
-def _of_dash(stream: Stream) -> Session:
-    if not isinstance(stream, Session):
+def _require_dash(stream: Stream) -> DashStream:
+    if not isinstance(stream, DashStream):
         raise UnknownSession("The session is not a DASH stream.")
     return stream

@@ -26,14 +26,14 @@ class Clock:
         """Sleep until a time on the monotonic clock; a past time yields to other tasks."""
         await asyncio.sleep(max(0.0, moment - self.now()))
 
-    def wall(self, at: float) -> datetime:
+    def wall_time(self, at: float) -> datetime:
         """The wall-clock time at a time on the monotonic clock."""
         return self._wall + timedelta(seconds=at - self._monotonic)
 
     def wall_now(self) -> datetime:
-        return self.wall(self.now())
+        return self.wall_time(self.now())
 
 
-def iso(moment: datetime) -> str:
+def xs_datetime(moment: datetime) -> str:
     """Format as xs:dateTime with milliseconds, such as 2026-01-31T12:00:00.000Z."""
     return moment.astimezone(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")

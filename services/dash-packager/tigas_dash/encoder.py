@@ -78,7 +78,7 @@ class Encoder:
             self.parameters: ParameterSets = _parameter_sets(codec.extradata or b"")
         except (av.FFmpegError, ValueError) as error:
             raise EncoderUnavailable(
-                f"{name} cannot encode {representation.width}×{representation.height}: {_reason(error)}."
+                f"{name} cannot encode {representation.width}×{representation.height}: {_describe(error)}."
             ) from None
 
     def encode(self, frame: av.VideoFrame, number: int, *, keyframe: bool) -> Sample:
@@ -107,7 +107,7 @@ class LadderEncoder:
         self._frame_rate = frame_rate
         self._keyframe_every = keyframe_every
         self._encoders = self._open()
-        self._scale = VideoReformatter()
+        self._reformatter = VideoReformatter()
         self._scaled: tuple[RawFrame, list[av.VideoFrame]] | None = None
         self.failures = 0
         self.parameters = [encoder.parameters for encoder in self._encoders]
@@ -119,7 +119,7 @@ class LadderEncoder:
         If an encoder fails, all are replaced and the stream continues with a keyframe. Raises EncoderUnavailable if
         that fails too.
         """
-        images = self._images(frame)
+        images = self._scale(frame)
         keyframe = number % self._keyframe_every == 0
         try:
             return self._encode(images, number, keyframe)
@@ -141,14 +141,14 @@ class LadderEncoder:
     def _open(self) -> list[Encoder]:
         return [Encoder(self._name, representation, self._frame_rate) for representation in self._ladder]
 
-    def _images(self, frame: RawFrame) -> list[av.VideoFrame]:
+    def _scale(self, frame: RawFrame) -> list[av.VideoFrame]:
         """The frame at every resolution; a repeated frame is not scaled again."""
         if self._scaled is None or self._scaled[0] is not frame:
             whole = frame.video_frame()
             images = [
                 whole
                 if (one.width, one.height) == (frame.width, frame.height)
-                else self._scale.reformat(whole, one.width, one.height, interpolation=Interpolation.AREA)
+                else self._reformatter.reformat(whole, one.width, one.height, interpolation=Interpolation.AREA)
                 for one in self._ladder
             ]
             self._scaled = frame, images
@@ -165,11 +165,11 @@ def choose_encoder(wanted: EncoderName | Literal["auto"]) -> EncoderName:
     except (av.FFmpegError, EncoderUnavailable, ValueError) as error:
         if wanted == "auto":
             return "libx264"
-        raise StartError(f"h264_nvenc does not work here ({_reason(error)}); choose libx264 or auto.") from None
+        raise StartError(f"h264_nvenc does not work here ({_describe(error)}); choose libx264 or auto.") from None
     return "h264_nvenc"
 
 
-def _reason(error: Exception) -> str:
+def _describe(error: Exception) -> str:
     return (isinstance(error, av.FFmpegError) and error.strerror) or str(error).removesuffix(".")
 
 

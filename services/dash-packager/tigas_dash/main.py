@@ -19,7 +19,7 @@ from tigas_dash.clock import Clock
 from tigas_dash.encoder import choose_encoder
 from tigas_dash.sessions import Sessions
 from tigas_dash.settings import DashSettings
-from tigas_dash.webrtc.stream import WebRtc
+from tigas_dash.webrtc.stream import WebRtcServer
 
 
 async def serve(settings: DashSettings) -> None:
@@ -36,10 +36,10 @@ async def serve(settings: DashSettings) -> None:
         )
         client, clock = RenderClient(http), Clock()
         with listen_errors(settings.http, "--http"):
-            webrtc = await stack.enter_async_context(WebRtc.running(client, settings.http, clock))
+            webrtc = await stack.enter_async_context(WebRtcServer.listen(client, settings.http, clock))
         encoder = choose_encoder(settings.encoder)
         sessions = await stack.enter_async_context(
-            Sessions(client, encoder, clock, limit=settings.max_sessions, idle_s=settings.idle_s).running()
+            Sessions(client, encoder, clock, limit=settings.max_sessions, idle_s=settings.idle_s).run()
         )
         policy = OriginPolicy.from_addresses([settings.http], settings.allow_hosts, settings.allow_origins)
         app = create_app(sessions, policy, webrtc)

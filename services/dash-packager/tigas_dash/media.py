@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, field
 from datetime import datetime, timedelta
 
 from tigas_common.wire.dash import RepresentationInfo, SessionRequest
-from tigas_dash.clock import iso
+from tigas_dash.clock import xs_datetime
 from tigas_dash.cmaf import ParameterSets, Sample, chunk, init_segment
 from tigas_dash.errors import UnknownSegment
 from tigas_dash.representation import Representation
@@ -17,9 +17,9 @@ WINDOW_S = 10.0
 """Seconds for which segments are kept; at least three of them are."""
 UNITS_PER_FRAME = 1000
 """Duration of a frame, in units of the timescale."""
-UPDATE_S = 60
+MIN_UPDATE_S = 60
 """Minimum update period; the manifest never changes."""
-RATE_RANGE = 0.05
+PLAYBACK_RATE_RANGE = 0.05
 """Deviation from live speed that players may use to hold the latency; wider ranges make them oscillate."""
 
 
@@ -87,8 +87,8 @@ class Media:
 
         Media time and wall-clock time are locked from frame 0; players get the time from `time_url` (UTCTiming).
         """
-        request, start, best = self._request, iso(self._start), self.tracks[0].representation
-        segment_s, segment = self._segment_s, _duration(self._segment_s)
+        request, start, best = self._request, xs_datetime(self._start), self.tracks[0].representation
+        segment_s, segment = self._segment_s, _format_duration(self._segment_s)
         chunk_s = request.frames_per_chunk / request.frame_rate
         target = request.target_latency_ms
         timing = f'<UTCTiming schemeIdUri="urn:mpeg:dash:utc:http-xsdate:2014" value="{time_url}"/>'
@@ -102,12 +102,12 @@ class Media:
         return f"""<?xml version="1.0" encoding="utf-8"?>
 <MPD xmlns="urn:mpeg:dash:schema:mpd:2011" type="dynamic"
     profiles="urn:mpeg:dash:profile:isoff-live:2011,urn:mpeg:dash:profile:cmaf:2019"
-    availabilityStartTime="{start}" publishTime="{iso(published)}" minimumUpdatePeriod="PT{UPDATE_S}S"
+    availabilityStartTime="{start}" publishTime="{xs_datetime(published)}" minimumUpdatePeriod="PT{MIN_UPDATE_S}S"
     minBufferTime="{segment}" maxSegmentDuration="{segment}"
-    timeShiftBufferDepth="{_duration((self._keep - 1) * segment_s)}">
+    timeShiftBufferDepth="{_format_duration((self._keep - 1) * segment_s)}">
 <ServiceDescription id="0">
 <Latency target="{target}" min="{target // 2}" max="{3 * target}" referenceId="0"/>
-<PlaybackRate min="{1 - RATE_RANGE:.2f}" max="{1 + RATE_RANGE:.2f}"/>
+<PlaybackRate min="{1 - PLAYBACK_RATE_RANGE:.2f}" max="{1 + PLAYBACK_RATE_RANGE:.2f}"/>
 </ServiceDescription>
 <Period id="0" start="PT0S">
 <AdaptationSet id="0" contentType="video" mimeType="video/mp4" frameRate="{request.frame_rate}"
@@ -160,5 +160,5 @@ class Media:
             track.pending.clear()
 
 
-def _duration(seconds: float) -> str:
+def _format_duration(seconds: float) -> str:
     return f"PT{seconds:.6f}".rstrip("0").rstrip(".") + "S"

@@ -11,7 +11,7 @@ from tigas_common.wire.dash import SessionRequest, StreamRequest
 from tigas_common.wire.render import Rung
 
 _REFERENCE_PIXELS, _REFERENCE_RATE, _REFERENCE_KBPS = 1280 * 720, 30, 4000
-MOST_SIZES = 4
+MAX_SIZES = 4
 HIGH_BITRATE_FACTOR = 3
 """Multiple of its bitrate at which the best resolution is also offered, for faster links."""
 
@@ -36,7 +36,7 @@ class Representation:
         return self.width * self.height
 
 
-def representations(request: SessionRequest, ladder: Sequence[Rung]) -> tuple[Representation, ...]:
+def choose_representations(request: SessionRequest, ladder: Sequence[Rung]) -> tuple[Representation, ...]:
     """The representations of a session, best first.
 
     Raises InvalidRequest for a rung that is not in the ladder, and for duplicates.
@@ -44,40 +44,40 @@ def representations(request: SessionRequest, ladder: Sequence[Rung]) -> tuple[Re
     if request.representations is None:
         made = _default_set(request, ladder)
     else:
-        made = [_representation(request, ladder, each.rung, each.bitrate_kbps) for each in request.representations]
+        made = [_make_representation(request, ladder, each.rung, each.bitrate_kbps) for each in request.representations]
     if len({one.id for one in made}) < len(made):
         raise InvalidRequest("Two representations of one rung need different bitrates.")
     return tuple(sorted(made, key=lambda one: (-one.pixels, one.rung, -one.bitrate_kbps)))
 
 
-def single_size(request: StreamRequest, ladder: Sequence[Rung], rung: int | None) -> Representation:
+def choose_representation(request: StreamRequest, ladder: Sequence[Rung], rung: int | None) -> Representation:
     """A stream's only representation: a rung's, or the largest that fits into the viewport. Raises InvalidRequest."""
     if rung is not None:
-        return _representation(request, ladder, rung, None)
+        return _make_representation(request, ladder, rung, None)
     return max(_default_set(request, ladder), key=lambda one: one.pixels)
 
 
 def _default_set(request: StreamRequest, ladder: Sequence[Rung]) -> list[Representation]:
     """Every size with no more pixels than the viewport, as more would be wasted, or else the smallest size.
 
-    As each size costs an encoder, at most MOST_SIZES are chosen, from the largest to the smallest.
+    As each size costs an encoder, at most MAX_SIZES are chosen, from the largest to the smallest.
     """
     rungs: dict[int, int] = {}
     for number, rung in enumerate(ladder):
         rungs.setdefault(rung.width * rung.height, number)  # a video's quality depends on its bitrate only
     limit = max(request.width * request.height, min(rungs))
     sizes = sorted((pixels for pixels in rungs if pixels <= limit), reverse=True)
-    made = [_representation(request, ladder, rungs[pixels], None) for pixels in _spread(sizes)]
+    made = [_make_representation(request, ladder, rungs[pixels], None) for pixels in _choose_sizes(sizes)]
     best = max(made, key=lambda one: one.pixels)
     return [*made, replace(best, bitrate_kbps=HIGH_BITRATE_FACTOR * best.bitrate_kbps)]
 
 
-def _representation(
+def _make_representation(
     request: StreamRequest, ladder: Sequence[Rung], rung: int, bitrate_kbps: int | None
 ) -> Representation:
     if rung >= len(ladder):
         raise InvalidRequest(f"The ladder has no rung {rung}, only 0 to {len(ladder) - 1}.")
-    width, height = (_even(side) for side in ladder[rung].size_for(request.width, request.height))
+    width, height = (_round_to_even(side) for side in ladder[rung].size_for(request.width, request.height))
     return Representation(rung, width, height, bitrate_kbps or default_bitrate(width, height, request.frame_rate))
 
 
@@ -91,14 +91,14 @@ def default_bitrate(width: int, height: int, frame_rate: int) -> int:
     return max(50, round(_REFERENCE_KBPS * size * math.sqrt(frame_rate / _REFERENCE_RATE)))
 
 
-def _spread(sizes: Sequence[int]) -> list[int]:
-    """Up to MOST_SIZES of descending sizes, as evenly spaced in their logarithms as possible."""
-    if len(sizes) <= MOST_SIZES:
+def _choose_sizes(sizes: Sequence[int]) -> list[int]:
+    """Up to MAX_SIZES of descending sizes, as evenly spaced in their logarithms as possible."""
+    if len(sizes) <= MAX_SIZES:
         return list(sizes)
-    step = math.log(sizes[-1] / sizes[0]) / (MOST_SIZES - 1)
-    wanted = [sizes[0] * math.exp(step * each) for each in range(MOST_SIZES)]
+    step = math.log(sizes[-1] / sizes[0]) / (MAX_SIZES - 1)
+    wanted = [sizes[0] * math.exp(step * each) for each in range(MAX_SIZES)]
     return list(dict.fromkeys(min(sizes, key=lambda size: abs(math.log(size / each))) for each in wanted))
 
 
-def _even(side: int) -> int:
+def _round_to_even(side: int) -> int:
     return max(16, side // 2 * 2)

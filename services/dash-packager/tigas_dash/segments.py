@@ -7,7 +7,7 @@ from collections.abc import AsyncIterator
 
 from tigas_dash.errors import ExpiredSegment, UnknownSegment
 
-AHEAD = 2
+MAX_AHEAD = 2
 """A request for a segment up to this far ahead waits; requests for later ones are refused."""
 
 
@@ -29,19 +29,19 @@ class SegmentWindow:
         for old in [old for old in self._chunks if old < number - self._keep]:
             del self._chunks[old]
         self._chunks.setdefault(number, []).append(chunk)
-        self._wake()
+        self._notify()
 
     def close(self) -> None:
         """End all readers along with the stream."""
         self._closed = True
-        self._wake()
+        self._notify()
 
     def read(self, number: int) -> AsyncIterator[bytes]:
         """The chunks of a segment, each as soon as it exists.
 
         Raises ExpiredSegment, and UnknownSegment if it is too far ahead.
         """
-        if number < 1 or number > self._growing + AHEAD or self._closed:
+        if number < 1 or number > self._growing + MAX_AHEAD or self._closed:
             raise UnknownSegment(f"There is no segment {number}; the newest is {self._growing}.")
         if number not in self._chunks and number <= self._growing:
             raise ExpiredSegment(f"Segment {number} has expired; the newest is {self._growing}.")
@@ -60,7 +60,7 @@ class SegmentWindow:
             else:
                 await changed.wait()
 
-    def _wake(self) -> None:
+    def _notify(self) -> None:
         # Current waiters hold the old event; later ones get the new event.
         self._changed.set()
         self._changed = asyncio.Event()

@@ -20,13 +20,13 @@ from tigas_dash.stream import Stream
 
 logger = logging.getLogger(__name__)
 
-LATE_S = 0.1
+SKIP_AFTER_S = 0.1
 """Seconds behind the clock above which a stream skips frames."""
 MAX_UNREAD = 300
 """Maximum number of announcements queued for a slow reader, which misses older ones."""
 
 
-class Session(Stream):
+class DashStream(Stream):
     """A DASH stream, created and run by `Sessions.open`."""
 
     transport = "dash"
@@ -37,7 +37,7 @@ class Session(Stream):
         encoder: LadderEncoder, first: RawFrame, clock: Clock,
     ) -> None:  # fmt: skip
         super().__init__(name, request, tuple(one.rung for one in ladder), source, first, clock)
-        self.media = Media(request, ladder, encoder.parameters, clock.wall(self._started_at))
+        self.media = Media(request, ladder, encoder.parameters, clock.wall_time(self._started_at))
         self._next = 0
         """Number of the next frame to encode."""
         self._encoder = encoder
@@ -62,31 +62,31 @@ class Session(Stream):
 
     @property
     def behind_s(self) -> float:
-        return max(0.0, self._clock.now() - self._due(self._next))
+        return max(0.0, self._clock.now() - self._due_at(self._next))
 
     @property
     def watchers(self) -> int:
         return len(self._watchers)
 
     @property
-    def watched(self) -> bool:
+    def is_watched(self) -> bool:
         return bool(self._watchers)
 
     @property
     def encoder_failures(self) -> int:
         return self._encoder.failures
 
-    def sent(self, rung: int, size: int) -> None:
+    def count_sent(self, rung: int, size: int) -> None:
         """Count bytes of a rung's segments that were sent to a client."""
         self.sent_bytes[rung] += size
         self.used_at = self._clock.now()
 
-    def move(self, pose: PoseUpdate) -> None:
-        self._views.move(pose)
+    def set_pose(self, pose: PoseUpdate) -> None:
+        self._views.set_pose(pose)
         self._poses += 1
 
     @asynccontextmanager
-    async def watch(self) -> AsyncIterator[asyncio.Queue[FrameShown | None]]:
+    async def subscribe(self) -> AsyncIterator[asyncio.Queue[FrameShown | None]]:
         """Subscribe to announcements of frames, as a context manager; None means that the stream has ended."""
         queue: asyncio.Queue[FrameShown | None] = asyncio.Queue(MAX_UNREAD)
         self._watchers.add(queue)
@@ -100,8 +100,8 @@ class Session(Stream):
         executor = ThreadPoolExecutor(1, f"encoder-{self.name}")
         try:
             async with asyncio.TaskGroup() as tasks:
-                tasks.create_task(self._tick())
-                tasks.create_task(self._encode(executor))
+                tasks.create_task(self._keep_sampling())
+                tasks.create_task(self._keep_encoding(executor))
         except* TigasError as failed:
             logger.error("Session %s ends: %s", self.name, failed.exceptions[0])  # noqa: TRY400 - a sentence says it all
         finally:
@@ -110,35 +110,35 @@ class Session(Stream):
             self.media.close()
             self._announce(None)
 
-    async def _tick(self) -> None:
+    async def _keep_sampling(self) -> None:
         """Frame n is the newest view between its tick and the next one, or the previous view if none arrives.
 
-        Media time follows the clock even if the encoder is late or the process was stopped: see `_duration`.
+        Media time follows the clock even if the encoder is late or the process was stopped: see `_duration_ticks`.
         """
         shown = self._views.newest
         number = 0
         while True:
-            await self._clock.sleep_until(self._due(number))
-            ticks = self._duration(number)
-            frame = await self._views.after(shown, self._due(number + ticks))
-            if frame is shown and self._views.outdated:
+            await self._clock.sleep_until(self._due_at(number))
+            ticks = self._duration_ticks(number)
+            frame = await self._views.wait_for_newer(shown, self._due_at(number + ticks))
+            if frame is shown and self._views.is_outdated:
                 self.progress.repeated += 1
             shown = frame
             await self._to_encode.put((number, ticks, frame))
             number += ticks
 
-    def _due(self, number: int) -> float:
+    def _due_at(self, number: int) -> float:
         return self._started_at + number / self._request.frame_rate
 
-    def _duration(self, number: int) -> int:
+    def _duration_ticks(self, number: int) -> int:
         """Duration of a frame in ticks: one or, if it is late, up to the present within its segment."""
-        late_s = self._clock.now() - self._due(number)
-        if late_s <= LATE_S:
+        late_s = self._clock.now() - self._due_at(number)
+        if late_s <= SKIP_AFTER_S:
             return 1
         left = self._request.frames_per_segment - number % self._request.frames_per_segment
         return min(left, math.floor(late_s * self._request.frame_rate) + 1)
 
-    async def _encode(self, executor: ThreadPoolExecutor) -> None:
+    async def _keep_encoding(self, executor: ThreadPoolExecutor) -> None:
         loop = asyncio.get_running_loop()
         while True:
             number, ticks, frame = await self._to_encode.get()

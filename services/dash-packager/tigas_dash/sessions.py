@@ -20,18 +20,18 @@ from tigas_common.wire.dash import SessionRequest
 from tigas_dash.clock import Clock
 from tigas_dash.encoder import EncoderName, LadderEncoder
 from tigas_dash.errors import TooManySessions, UnknownSession
-from tigas_dash.representation import representations
-from tigas_dash.session import Session
-from tigas_dash.source import ViewSource, ladder
+from tigas_dash.representation import choose_representations
+from tigas_dash.session import DashStream
+from tigas_dash.source import ViewSource, fetch_ladder
 from tigas_dash.stream import Stream, Transport
 
 logger = logging.getLogger(__name__)
 
 HOUSEKEEPING_S = 1.0
-_OF_RUNGS = ("scene", "rung", "transport")
+_RUNG_LABELS = ("scene", "rung", "transport")
 COUNTERS: Mapping[str, tuple[str, Sequence[str]]] = {
-    "frames": ("Encoded frames, in each representation", _OF_RUNGS),
-    "sent_bytes": ("Sent bytes of segments or datagrams", _OF_RUNGS),
+    "frames": ("Encoded frames, in each representation", _RUNG_LABELS),
+    "sent_bytes": ("Sent bytes of segments or datagrams", _RUNG_LABELS),
     "repeated_frames": ("Frames that repeat the last view, as there was no newer one", ("transport",)),
     "dropped_frames": ("Frames skipped because the stream was late", ("transport",)),
     "poses": ("Poses received from viewers", ("transport",)),
@@ -55,9 +55,9 @@ class Sessions:
         self.metrics = DashMetrics(self.all, limit)
 
     @asynccontextmanager
-    async def running(self) -> AsyncIterator[Sessions]:
+    async def run(self) -> AsyncIterator[Sessions]:
         """Maintain the sessions, and end them with the context."""
-        housekeeping = asyncio.create_task(self._keep_house())
+        housekeeping = asyncio.create_task(self._end_idle())
         try:
             yield self
         finally:
@@ -65,12 +65,12 @@ class Sessions:
             for session in self.all():
                 await self._end(session)
 
-    async def open(self, request: SessionRequest) -> Session:
+    async def open(self, request: SessionRequest) -> DashStream:
         """Open a DASH stream and render its first frame.
 
         Raises TooManySessions, InvalidRequest, RenderUnavailable, RenderProblem and EncoderUnavailable.
         """
-        return await self.start(lambda: self._make(request))
+        return await self.start(lambda: self._create(request))
 
     async def start(self, make: Callable[[], Awaitable[AnyStream]]) -> AnyStream:
         """Create and run a stream if there is room. Raises TooManySessions, and the errors of `make`."""
@@ -84,7 +84,7 @@ class Sessions:
         finally:
             self._opening -= 1
         task = asyncio.create_task(session.run(), name=session.name)
-        task.add_done_callback(self._ended)
+        task.add_done_callback(self._on_end)
         self._running[session.name] = session, task
         await asyncio.sleep(0)  # a task cancelled before its start would not clean up
         return session
@@ -112,27 +112,29 @@ class Sessions:
                 task.cancel()
             await asyncio.wait([task])
 
-    async def _make(self, request: SessionRequest) -> Session:
-        offered = representations(request, await ladder(self._client, request.scene))
+    async def _create(self, request: SessionRequest) -> DashStream:
+        offered = choose_representations(request, await fetch_ladder(self._client, request.scene))
         source = ViewSource(self._client, request, offered[0])
         encoder = await asyncio.to_thread(
             LadderEncoder, self.encoder, offered, request.frame_rate, request.frames_per_segment
         )
-        return Session(secrets.token_hex(8), request, offered, source, encoder, await source.first(), self.clock)
+        return DashStream(
+            secrets.token_hex(8), request, offered, source, encoder, await source.first_frame(), self.clock
+        )
 
-    def _ended(self, task: asyncio.Task[None]) -> None:
+    def _on_end(self, task: asyncio.Task[None]) -> None:
         ended = self._running.pop(task.get_name(), None)
         if ended is not None:
-            self.metrics.ended(ended[0])
+            self.metrics.add_ended(ended[0])
         gc.collect()  # encoders and frames are in reference cycles, which would be collected late
         if not task.cancelled() and (error := task.exception()):
             logger.error("Session %s failed", task.get_name(), exc_info=error)
 
-    async def _keep_house(self) -> None:
+    async def _end_idle(self) -> None:
         while True:
             await asyncio.sleep(HOUSEKEEPING_S)
             for session in self.all():
-                if not session.watched and self.clock.now() - session.used_at > self._idle_s:
+                if not session.is_watched and self.clock.now() - session.used_at > self._idle_s:
                     logger.info("Session %s ends: it was not watched for %g s", session.name, self._idle_s)
                     await self._end(session)
 
@@ -144,17 +146,17 @@ class DashMetrics(Collector):
         """streams: the running ones; limit: their maximum number."""
         self._streams = streams
         self._limit = limit
-        self._past: Counter[tuple[str, tuple[str, ...]]] = Counter()
+        self._ended_totals: Counter[tuple[str, tuple[str, ...]]] = Counter()
         """Totals of ended streams, by counter and labels."""
         self._scenes = SceneNames()
 
-    def ended(self, stream: Stream) -> None:
-        self._past.update(self._counts(stream))
+    def add_ended(self, stream: Stream) -> None:
+        self._ended_totals.update(self._count(stream))
 
     def collect(self) -> Iterator[Metric]:
-        streams, totals = self._streams(), self._past.copy()
+        streams, totals = self._streams(), self._ended_totals.copy()
         for stream in streams:
-            totals.update(self._counts(stream))
+            totals.update(self._count(stream))
         for name, (text, labels) in COUNTERS.items():
             family = CounterMetricFamily(f"tigas_dash_{name}", text, labels=labels)
             for (counter, values), total in totals.items():
@@ -169,7 +171,7 @@ class DashMetrics(Collector):
         yield labelled_gauge("tigas_dash_behind_seconds", text, "transport", behind)
         yield GaugeMetricFamily("tigas_dash_session_limit", "Maximum number of streams", self._limit)
 
-    def _counts(self, stream: Stream) -> Counter[tuple[str, tuple[str, ...]]]:
+    def _count(self, stream: Stream) -> Counter[tuple[str, tuple[str, ...]]]:
         status, transport = stream.status, stream.transport
         scene = self._scenes.label(status.scene)
         counts: Counter[tuple[str, tuple[str, ...]]] = Counter()

@@ -21,7 +21,7 @@ FRAME_S = 5
 """Seconds after which the render service counts as dead."""
 
 
-async def ladder(client: RenderClient, scene: str) -> tuple[Rung, ...]:
+async def fetch_ladder(client: RenderClient, scene: str) -> tuple[Rung, ...]:
     """The ladder to which profiles refer in a scene; empty for a missing scene, as requests for its frames report that.
 
     Raises RenderUnavailable.
@@ -41,7 +41,7 @@ class ViewSource:
         self._width, self._height = size.width, size.height
         self._display_scale = max(1.0, math.sqrt(request.width * request.height / size.pixels))
 
-    async def first(self) -> RawFrame:
+    async def first_frame(self) -> RawFrame:
         """The view from the first pose, once the scene is loaded. Raises as `frame` does."""
         return await self.frame(self.first_pose, FIRST_FRAME_S)
 

@@ -19,7 +19,7 @@ from tigas_dash.source import ViewSource
 logger = logging.getLogger(__name__)
 
 Transport = Literal["dash", "webrtc"]
-IN_FLIGHT = 2
+MAX_IN_FLIGHT = 2
 """Requests in flight at the render service: one more than it renders at a time, so that it never idles."""
 
 
@@ -75,7 +75,7 @@ class Stream(ABC):
         """Number of viewers' connections."""
 
     @property
-    def watched(self) -> bool:
+    def is_watched(self) -> bool:
         """Whether it is certainly being watched, no matter how long ago it was used."""
         return False
 
@@ -119,17 +119,17 @@ class NewestView:
         self._arrived = asyncio.Event()
         self._requests: set[asyncio.Task[None]] = set()
 
-    def move(self, pose: PoseUpdate) -> None:
+    def set_pose(self, pose: PoseUpdate) -> None:
         self._pose = pose
 
     @property
-    def outdated(self) -> bool:
+    def is_outdated(self) -> bool:
         """Whether a newer view is in flight, or unavailable."""
         return bool(self._requests or self.problem)
 
-    async def after(self, shown: RawFrame, until: float) -> RawFrame:
+    async def wait_for_newer(self, shown: RawFrame, until: float) -> RawFrame:
         """Wait for a newer view than `shown`, at most until `until` on the monotonic clock. Returns the newest view."""
-        if self._pose != self._requested and len(self._requests) < IN_FLIGHT:
+        if self._pose != self._requested and len(self._requests) < MAX_IN_FLIGHT:
             self._requested = self._pose
             self._request_number += 1
             task = asyncio.create_task(self._request(self._pose, self._request_number))

@@ -19,16 +19,16 @@ class FakeViews:
         self.clock = clock
         self.delay_s: float | None = 0.01
         self.newest = self._view(0)
-        self.outdated = False
+        self.is_outdated = False
 
-    async def after(self, shown: RawFrame, until: float) -> RawFrame:
+    async def wait_for_newer(self, shown: RawFrame, until: float) -> RawFrame:
         if self.delay_s is None:
-            self.outdated = False
+            self.is_outdated = False
             return shown
         arrives = self.clock.now() + self.delay_s
-        self.outdated = arrives > until
+        self.is_outdated = arrives > until
         self.clock.wait(min(until, arrives) - self.clock.now())
-        if not self.outdated:
+        if not self.is_outdated:
             self.newest = self._view(self.newest.pose + 1)
         return self.newest
 

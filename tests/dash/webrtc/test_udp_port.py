@@ -11,21 +11,21 @@ from aioice import Connection, stun
 
 from tests.dash.conftest import PATIENCE_S
 from tigas_common.address import Address
-from tigas_dash.webrtc.udp_port import MOST_PEERS, UdpPort
+from tigas_dash.webrtc.udp_port import MAX_PEERS, UdpPort
 
 pytestmark = pytest.mark.anyio
 
 
 @pytest.fixture
 async def port() -> AsyncIterator[UdpPort]:
-    async with UdpPort.running(Address("127.0.0.1", 0)) as running:
+    async with UdpPort.listen(Address("127.0.0.1", 0)) as running:
         yield running
 
 
 async def served(port: UdpPort) -> Connection:
     """The packager's end of a connection, which waits for its viewer."""
     connection = Connection(ice_controlling=False)
-    port.carry(connection, lambda: None, lambda size: None)
+    port.attach(connection, lambda: None, lambda size: None)
     await connection.gather_candidates()
     return connection
 
@@ -55,15 +55,15 @@ async def test_hostile_datagrams_are_dropped_and_addresses_bounded(port: UdpPort
     for data in (b"", b"\x00\x01", b"\x00\x01" + bytes(18), known[:-3], b"\x80" * 1200, wrong_priority, b"\x16" * 40):
         port.datagram_received(data, ("127.0.0.1", 9), 0.0)
     port.datagram_received(binding("nobody"), ("127.0.0.1", 9), 0.0)
-    for number in range(3 * MOST_PEERS):
+    for number in range(3 * MAX_PEERS):
         port.datagram_received(known, ("127.0.0.1", 10_000 + number), 0.0)
-    assert len(port._by_peer) == MOST_PEERS
+    assert len(port._by_peer) == MAX_PEERS
     async with asyncio.timeout(PATIENCE_S):
         await asyncio.gather(ours.connect(), theirs.connect())
     await ours.close()
     await theirs.close()
     assert not port._by_peer
-    assert not port._by_name
+    assert not port._by_username
 
 
 @pytest.mark.parametrize(
@@ -86,5 +86,5 @@ async def test_a_taken_port_is_an_error() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", 0))
         with pytest.raises(OSError, match="in use"):
-            async with UdpPort.running(Address("127.0.0.1", taken.getsockname()[1])):
+            async with UdpPort.listen(Address("127.0.0.1", taken.getsockname()[1])):
                 pass

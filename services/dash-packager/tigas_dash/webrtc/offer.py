@@ -16,7 +16,7 @@ from tigas_common.errors import InvalidRequest
 
 MIN_BPS, MAX_BPS = 100_000, 10_000_000
 """Range of bit rates that congestion control may set on encoders."""
-LEAST_MESSAGE = 1024
+MIN_MESSAGE_SIZE = 1024
 """Minimum size in bytes of messages that a viewer must accept on the data channel."""
 UNLIMITED = 0
 """Maximum message size that means any size (RFC 8841, 6.1)."""
@@ -31,46 +31,46 @@ def widen_bitrates() -> None:
         vars(codec).update(MIN_BITRATE=MIN_BPS, MAX_BITRATE=MAX_BPS)
 
 
-class _Limited:
+class _BitrateLimit:
     """Mixin that limits the bit rate of one of aiortc's encoders; it must come first in the base classes."""
 
-    most_bps: int
+    max_bps: int
 
     @property
     def target_bitrate(self) -> int:
         """Bit rate set by congestion control, up to the limit."""
         wanted: int = super().target_bitrate  # type: ignore[misc]
-        return min(wanted, self.most_bps)
+        return min(wanted, self.max_bps)
 
     @target_bitrate.setter
     def target_bitrate(self, bitrate: int) -> None:
-        super(_Limited, type(self)).target_bitrate.__set__(self, bitrate)  # type: ignore[misc]
+        super(_BitrateLimit, type(self)).target_bitrate.__set__(self, bitrate)  # type: ignore[misc]
 
 
-class _LimitedH264(_Limited, h264.H264Encoder):
+class _LimitedH264(_BitrateLimit, h264.H264Encoder):
     pass
 
 
-class _LimitedVp8(_Limited, vpx.Vp8Encoder):
+class _LimitedVp8(_BitrateLimit, vpx.Vp8Encoder):
     pass
 
 
-def limit_bitrate(sender: RTCRtpSender, codec: str, most_bps: int) -> None:
+def limit_bitrate(sender: RTCRtpSender, codec: str, max_bps: int) -> None:
     """Limit the bit rate of a sender, before its first frame, on any link."""
     encoder = _LimitedH264() if codec == "H264" else _LimitedVp8()
-    encoder.most_bps = most_bps
+    encoder.max_bps = max_bps
     vars(sender)["_RTCRtpSender__encoder"] = encoder
 
 
 @asynccontextmanager
-async def taken(offer: str) -> AsyncIterator[RTCPeerConnection]:
+async def accept_offer(offer: str) -> AsyncIterator[RTCPeerConnection]:
     """A connection that has accepted an offer, as a context manager; closed on errors. Raises InvalidRequest."""
     media = re.findall(r"^m=(\w+)", offer, re.MULTILINE)
     if sorted(media) != ["application", "video"]:
         raise InvalidRequest("The offer must have one video and one data transport, and nothing else.")
     connection = RTCPeerConnection(RTCConfiguration(iceServers=[]))
     try:
-        await _take(connection, offer)
+        await _set_offer(connection, offer)
         yield connection
     except BaseException:
         with suppress(AttributeError):  # raised by aiortc after a partial success
@@ -78,11 +78,11 @@ async def taken(offer: str) -> AsyncIterator[RTCPeerConnection]:
         raise
 
 
-async def _take(connection: RTCPeerConnection, offer: str) -> None:
+async def _set_offer(connection: RTCPeerConnection, offer: str) -> None:
     # Candidates are removed, as viewers are reached at the address of their packets: see `udp_port`.
     description = RTCSessionDescription(sdp=_CANDIDATES.sub("", offer), type="offer")
     try:
-        _check(SessionDescription.parse(description.sdp))
+        _check_offer(SessionDescription.parse(description.sdp))
         await connection.setRemoteDescription(description)
         (video,) = connection.getTransceivers()
         assert connection.sctp is not None
@@ -97,7 +97,7 @@ async def _take(connection: RTCPeerConnection, offer: str) -> None:
         raise InvalidRequest("The offer must have its video and its data on one transport (BUNDLE).")
 
 
-def _check(offer: SessionDescription) -> None:
+def _check_offer(offer: SessionDescription) -> None:
     """Check fields that aiortc reads only once the viewer connects, or never. Raises InvalidRequest."""
     for media in offer.media:
         fingerprints = media.dtls.fingerprints if media.dtls is not None else ()
@@ -107,18 +107,18 @@ def _check(offer: SessionDescription) -> None:
             if media.sctp_port is None or not 0 < media.sctp_port < 65536:
                 raise InvalidRequest("The offer's data transport must have an SCTP port from 1 to 65535.")
             takes = media.sctpCapabilities
-            if takes is not None and takes.maxMessageSize < LEAST_MESSAGE and takes.maxMessageSize != UNLIMITED:
-                raise InvalidRequest(f"The offer's data transport must accept messages of {LEAST_MESSAGE} bytes.")
+            if takes is not None and takes.maxMessageSize < MIN_MESSAGE_SIZE and takes.maxMessageSize != UNLIMITED:
+                raise InvalidRequest(f"The offer's data transport must accept messages of {MIN_MESSAGE_SIZE} bytes.")
 
 
-async def answered(connection: RTCPeerConnection, track: MediaStreamTrack, candidate: str) -> tuple[str, str]:
+async def create_answer(connection: RTCPeerConnection, track: MediaStreamTrack, candidate: str) -> tuple[str, str]:
     """Answer the accepted offer. Returns the SDP with this candidate, and the codec's name. Raises InvalidRequest."""
     (video,) = connection.getTransceivers()
     connection.addTrack(track)
     video.direction = "sendonly"
     try:
         await connection.setLocalDescription(await connection.createAnswer())
-    except Exception:  # as in `_take`
+    except Exception:  # as in `_set_offer`
         raise InvalidRequest(NO_SDP) from None
     codec = _CODEC.search(connection.localDescription.sdp)
     if video.currentDirection != "sendonly" or codec is None:

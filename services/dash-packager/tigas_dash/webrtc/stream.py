@@ -19,23 +19,23 @@ from tigas_common.wire.model import WireModel
 from tigas_dash.clock import Clock
 from tigas_dash.encoder import RawFrame
 from tigas_dash.errors import WebRtcUnavailable
-from tigas_dash.representation import Representation, single_size
-from tigas_dash.source import ViewSource, ladder
+from tigas_dash.representation import Representation, choose_representation
+from tigas_dash.source import ViewSource, fetch_ladder
 from tigas_dash.stream import Stream
-from tigas_dash.webrtc.offer import answered, limit_bitrate, taken, widen_bitrates
+from tigas_dash.webrtc.offer import accept_offer, create_answer, limit_bitrate, widen_bitrates
 from tigas_dash.webrtc.track import ViewTrack
 from tigas_dash.webrtc.udp_port import UdpPort
 
 logger = logging.getLogger(__name__)
 
-MOST_UNSENT = 65_536
+MAX_BUFFERED = 65_536
 """Maximum number of bytes queued on the channel `frames`; a viewer that does not read misses the rest."""
-CLOSING_S = 5
+CLOSE_TIMEOUT_S = 5
 """Seconds after which waiting for aiortc to close is abandoned."""
 
 
 class WebRtcStream(Stream):
-    """A stream made by `WebRtc.make`. A live viewer keeps sending at least receiver reports."""
+    """A stream made by `WebRtcServer.create_stream`. A live viewer keeps sending at least receiver reports."""
 
     transport = "webrtc"
     _request: WebRtcRequest
@@ -50,21 +50,21 @@ class WebRtcStream(Stream):
         self._size = size
         self._connection = connection
         self._port = port
-        self._track = ViewTrack(self._views, request.frame_rate, clock, self.progress, self._sent)
+        self._track = ViewTrack(self._views, request.frame_rate, clock, self.progress, self._on_frame_sent)
         assert connection.sctp is not None
         ice = connection.sctp.transport.transport.iceGatherer._connection
-        self._lane = port.carry(ice, self._datagram_received, self._datagram_sent)
+        self._lane = port.attach(ice, self._datagram_received, self._datagram_sent)
         self._channels: dict[str, RTCDataChannel] = {}
         self._newest = -1
         self._ended = asyncio.Event()
-        connection.add_listener("datachannel", self._opened)
-        connection.add_listener("connectionstatechange", self._changed)
+        connection.add_listener("datachannel", self._on_channel)
+        connection.add_listener("connectionstatechange", self._on_state_change)
         self._track.add_listener("ended", self._ended.set)  # when its encoder fails
 
-    async def begin(self, host: str) -> None:
+    async def answer(self, host: str) -> None:
         """Answer the offer; the viewer reaches the port under `host`. Raises InvalidRequest."""
         candidate = self._port.candidate(host).to_sdp()
-        sdp, codec = await answered(self._connection, self._track, candidate)
+        sdp, codec = await create_answer(self._connection, self._track, candidate)
         if codec == "H264" and self._request.frame_rate != 30:
             raise InvalidRequest("aiortc encodes H.264 only at 30 frames a second: offer VP8, or request 30.")
         if (most := self._request.bitrate_kbps) is not None:
@@ -101,10 +101,10 @@ class WebRtcStream(Stream):
         self._track.stop()
         try:
             with suppress(TimeoutError, AttributeError):  # raised by aiortc for an offer accepted in part
-                async with asyncio.timeout(CLOSING_S):
+                async with asyncio.timeout(CLOSE_TIMEOUT_S):
                     await self._connection.close()
         finally:
-            self._lane.leave()
+            self._lane.detach()
 
     def _datagram_received(self) -> None:
         self.used_at = self._clock.now()
@@ -112,41 +112,41 @@ class WebRtcStream(Stream):
     def _datagram_sent(self, size: int) -> None:
         self.sent_bytes[self._size.rung] += size
 
-    def _changed(self) -> None:
+    def _on_state_change(self) -> None:
         if self._connection.connectionState in ("failed", "closed"):
             self._ended.set()
 
-    def _opened(self, channel: RTCDataChannel) -> None:
+    def _on_channel(self, channel: RTCDataChannel) -> None:
         if channel.label in (POSES, FRAMES):
             self._channels[channel.label] = channel
         if channel.label == POSES:
-            channel.add_listener("message", self._told)
+            channel.add_listener("message", self._on_pose)
 
-    def _told(self, message: str | bytes) -> None:
+    def _on_pose(self, message: str | bytes) -> None:
         """Handle a pose of the viewer, which may be outdated as the channel is unordered."""
         try:
             pose = parse(PoseUpdate, message.encode() if isinstance(message, str) else message)
         except TigasError as error:
-            self._tell(problem(error))
+            self._send(problem(error))
             return
         self._poses += 1
         if pose.seq >= self._newest:
             self._newest = pose.seq
-            self._views.move(pose)
+            self._views.set_pose(pose)
 
-    def _sent(self, timestamp: int, pose: int) -> None:
+    def _on_frame_sent(self, timestamp: int, pose: int) -> None:
         first = self._lane.first_rtp_timestamp
         if first is not None:  # otherwise the frame was not sent after all
-            self._tell(SentFrame(rtp_timestamp=(first + timestamp) % 2**32, pose=pose))
+            self._send(SentFrame(rtp_timestamp=(first + timestamp) % 2**32, pose=pose))
 
-    def _tell(self, message: WireModel) -> None:
+    def _send(self, message: WireModel) -> None:
         channel = self._channels.get(FRAMES)
-        if channel is not None and channel.readyState == "open" and channel.bufferedAmount < MOST_UNSENT:
+        if channel is not None and channel.readyState == "open" and channel.bufferedAmount < MAX_BUFFERED:
             channel.send(message.model_dump_json())
 
 
-class WebRtc:
-    """State shared by all WebRTC streams; opened by `running`."""
+class WebRtcServer:
+    """State shared by all WebRTC streams; opened by `listen`."""
 
     def __init__(self, client: RenderClient, port: UdpPort, clock: Clock, *, on_loopback: bool) -> None:
         """on_loopback: only this machine reaches the port, although a render service may proxy others' requests."""
@@ -157,17 +157,17 @@ class WebRtc:
 
     @classmethod
     @asynccontextmanager
-    async def running(cls, client: RenderClient, address: Address, clock: Clock) -> AsyncIterator[WebRtc]:
+    async def listen(cls, client: RenderClient, address: Address, clock: Clock) -> AsyncIterator[WebRtcServer]:
         """Listen, as a context manager. Raises OSError."""
         widen_bitrates()
-        async with UdpPort.running(address) as port:
+        async with UdpPort.listen(address) as port:
             yield cls(client, port, clock, on_loopback=address.is_loopback)
 
     @property
     def port_number(self) -> int:
         return self._port.number
 
-    async def make(self, request: WebRtcRequest, host: str) -> WebRtcStream:
+    async def create_stream(self, request: WebRtcRequest, host: str) -> WebRtcStream:
         """Create a stream, not yet running, and render its first frame; its viewer reached this service at `host`.
 
         Raises InvalidRequest, RenderUnavailable, RenderProblem, and WebRtcUnavailable for a viewer on another machine
@@ -177,13 +177,13 @@ class WebRtc:
             raise WebRtcUnavailable(
                 "This packager sends WebRTC only to its own machine; open it with --http 0.0.0.0:8081."
             )
-        async with taken(request.sdp) as connection:
-            size = single_size(request, await ladder(self._client, request.scene), request.rung)
+        async with accept_offer(request.sdp) as connection:
+            size = choose_representation(request, await fetch_ladder(self._client, request.scene), request.rung)
             source = ViewSource(self._client, request, size)
-            first, name = await source.first(), secrets.token_hex(8)
+            first, name = await source.first_frame(), secrets.token_hex(8)
             stream = WebRtcStream(name, request, size, source, first, connection, self._port, self._clock)
             try:
-                await stream.begin(host)
+                await stream.answer(host)
             except BaseException:
                 await stream.close()
                 raise

@@ -14,7 +14,7 @@ from tigas_dash.stream import NewestView, Progress
 
 RTP_RATE = 90_000
 """Ticks per second of a video's RTP timestamps (RFC 6184, RFC 7741)."""
-PATIENCE_S = 0.25
+REPEAT_AFTER_S = 0.25
 """Seconds between repeats of the last view while a newer one is on its way, which encoding would delay."""
 
 
@@ -45,17 +45,17 @@ class ViewTrack(MediaStreamTrack):
     @property
     def behind_s(self) -> float:
         """Seconds for which its next frame has been due; 0 before the first one."""
-        return 0.0 if self._started_at is None else max(0.0, self._clock.now() - self._due)
+        return 0.0 if self._started_at is None else max(0.0, self._clock.now() - self._due_at)
 
     async def recv(self) -> av.VideoFrame:
-        """The newest view at the next tick; if a newer one is on its way, waits for it up to PATIENCE_S."""
+        """The newest view at the next tick; if a newer one is on its way, waits for it up to REPEAT_AFTER_S."""
         if self._started_at is None:
             self._started_at = self._clock.now()
         else:
             self._sent(self._timestamp, self._shown.pose)
-        await self._clock.sleep_until(self._due)
-        view = await self._views.after(self._shown, self._clock.now() + PATIENCE_S)
-        if view is self._shown and self._views.outdated:
+        await self._clock.sleep_until(self._due_at)
+        view = await self._views.wait_for_newer(self._shown, self._clock.now() + REPEAT_AFTER_S)
+        if view is self._shown and self._views.is_outdated:
             self._progress.repeated += 1
         self._shown = view
         due = math.floor((self._clock.now() - self._started_at) * self._frame_rate)
@@ -68,7 +68,7 @@ class ViewTrack(MediaStreamTrack):
         return frame
 
     @property
-    def _due(self) -> float:
+    def _due_at(self) -> float:
         """Time of the next frame, on the monotonic clock."""
         assert self._started_at is not None
         return self._started_at + (self._number + 1) / self._frame_rate

@@ -24,37 +24,39 @@ from tigas_common.udp import Address as SocketAddress
 from tigas_common.udp import UdpEndpoint, bind
 
 Peer = tuple[str, int]
-MOST_PEERS = 16
+MAX_PEERS = 16
 """Maximum number of addresses per connection: a browser tries each of its machine's networks."""
 
 
 class UdpPort:
-    """The port, opened by `running`."""
+    """The port, opened by `listen`."""
 
     def __init__(self, sock: socket.socket) -> None:
         self.host: str
         self.number: int
         self.host, self.number = sock.getsockname()[:2]
-        self._by_name: dict[str, Lane] = {}
-        self._by_peer: dict[Peer, Lane] = {}
+        self._by_username: dict[str, PortTransport] = {}
+        self._by_peer: dict[Peer, PortTransport] = {}
         self._endpoint = UdpEndpoint(sock, self.datagram_received, lambda: None)
 
     @classmethod
     @asynccontextmanager
-    async def running(cls, address: Address) -> AsyncIterator[UdpPort]:
+    async def listen(cls, address: Address) -> AsyncIterator[UdpPort]:
         """Listen, as a context manager. Raises OSError."""
         port = cls(bind(address.host, address.port))
         with closing(port._endpoint):
             yield port
 
-    def carry(self, connection: Connection, received: Callable[[], None], sent: Callable[[int], None]) -> Lane:
+    def attach(
+        self, connection: Connection, received: Callable[[], None], sent: Callable[[int], None]
+    ) -> PortTransport:
         """Make a connection that has not gathered candidates use this port instead of its own.
 
         `received` is called for each datagram from the viewer, and `sent` with the size of each datagram to it.
         """
-        lane = Lane(self, connection, received, sent)
+        lane = PortTransport(self, connection, received, sent)
         lane.local_candidate = self.candidate(self.host)
-        self._by_name[connection.local_username] = lane
+        self._by_username[connection.local_username] = lane
 
         async def candidates(component: int, addresses: list[str], *_: object) -> list[Candidate]:
             connection._protocols.append(lane)
@@ -81,29 +83,29 @@ class UdpPort:
     def datagram_received(self, data: bytes, address: SocketAddress, _arrived: float) -> None:
         """Dispatch a datagram; unknown ones are dropped."""
         peer = (address[0], address[1])
-        lane = self._by_name.get(name) if (name := _asked_for(data)) is not None else self._by_peer.get(peer)
+        lane = self._by_username.get(name) if (name := _stun_username(data)) is not None else self._by_peer.get(peer)
         if lane is None:
             return
         if self._by_peer.get(peer) is not lane:
             self._by_peer[peer] = lane
-            if len(lane.addresses) == MOST_PEERS:
+            if len(lane.addresses) == MAX_PEERS:
                 del lane.addresses[oldest := next(iter(lane.addresses))]
                 if self._by_peer.get(oldest) is lane:
                     del self._by_peer[oldest]
             lane.addresses[peer] = address
-        lane.received(data, peer)
+        lane.handle_datagram(data, peer)
 
     def send(self, data: bytes, address: SocketAddress) -> None:
         """Send a datagram, unless the port is closed."""
         self._endpoint.send([(data, address)])
 
-    def forget(self, lane: Lane) -> None:
+    def detach(self, lane: PortTransport) -> None:
         """Forget a lane whose connection has ended."""
-        self._by_name = {name: each for name, each in self._by_name.items() if each is not lane}
+        self._by_username = {name: each for name, each in self._by_username.items() if each is not lane}
         self._by_peer = {peer: each for peer, each in self._by_peer.items() if each is not lane}
 
 
-class Lane(StunProtocol):
+class PortTransport(StunProtocol):
     """A connection's share of the port, which aioice uses like a socket."""
 
     def __init__(
@@ -117,9 +119,9 @@ class Lane(StunProtocol):
         """Addresses of its viewer, oldest first."""
         self.first_rtp_timestamp: int | None = None
         """Timestamp of the first RTP packet sent, readable as SRTP does not encrypt headers (RFC 3711, 3.1)."""
-        self.connection_made(_Share(self))
+        self.connection_made(_SendTransport(self))
 
-    def received(self, data: bytes, peer: Peer) -> None:
+    def handle_datagram(self, data: bytes, peer: Peer) -> None:
         self._received()
         with suppress(ValueError, KeyError, IndexError, struct.error):  # aioice catches only some malformed packets
             self.datagram_received(data, peer)
@@ -131,16 +133,16 @@ class Lane(StunProtocol):
         self._sent(len(data))
         self._port.send(data, self.addresses.get(peer, peer))
 
-    def leave(self) -> None:
+    def detach(self) -> None:
         """Leave the port, which stays open, at the end of the connection."""
-        self._port.forget(self)
+        self._port.detach(self)
         self.connection_lost(None)
 
 
-class _Share(asyncio.DatagramTransport):
+class _SendTransport(asyncio.DatagramTransport):
     """The sending side of a lane's protocol."""
 
-    def __init__(self, lane: Lane) -> None:
+    def __init__(self, lane: PortTransport) -> None:
         super().__init__()
         self._lane = lane
 
@@ -148,10 +150,10 @@ class _Share(asyncio.DatagramTransport):
         self._lane.sendto(data, addr)
 
     def close(self) -> None:
-        self._lane.leave()
+        self._lane.detach()
 
 
-def _asked_for(data: bytes) -> str | None:
+def _stun_username(data: bytes) -> str | None:
     """The user fragment requested by a STUN binding request; None for any other datagram."""
     if len(data) < stun.HEADER_LENGTH or data[:2] != b"\x00\x01":
         return None
