@@ -21,7 +21,7 @@ from tests.testbed.inside import GATEWAY, echo_server, udp
 from tigas_common.errors import StartError, UsageError
 from tigas_common.processes import tigas_command
 from tigas_common.topology import SHAPER
-from tigas_testbed.cli import _told_to_stop
+from tigas_testbed.cli import _stop_event
 from tigas_testbed.namespaces import Lab
 from tigas_testbed.services import PORTS, run_demo, shaper_command
 
@@ -238,7 +238,7 @@ def test_the_other_services_find_a_render_service_at_another_port(monkeypatch: p
 def test_signals_while_the_event_is_locked_end_the_wait() -> None:
     before = [signal.getsignal(number) for number in ENDS]
     try:
-        stop = _told_to_stop()
+        stop = _stop_event()
         with stop._cond:  # type: ignore[attr-defined]  # as in the midst of a wait
             for number in ENDS:
                 signal.raise_signal(number)

@@ -12,7 +12,7 @@ import pytest
 
 from tigas_common.errors import StartError
 from tigas_common.files import NOBODY
-from tigas_testbed.user import User, own_code, reaching
+from tigas_testbed.user import User, code_folders, grant_access
 
 ALICE = User(1234, 1234)
 
@@ -32,7 +32,7 @@ def test_services_run_as_the_caller_and_never_as_root(
     tmp_path: Path, environment: dict[str, str], owner: int, user: User
 ) -> None:
     os.chown(tmp_path, owner, owner)
-    assert User.of_services(environment, tmp_path) == user
+    assert User.service_user(environment, tmp_path) == user
 
 
 def test_a_folder_is_given_with_what_root_and_nobody_left_in_it(tmp_path: Path) -> None:
@@ -43,7 +43,7 @@ def test_a_folder_is_given_with_what_root_and_nobody_left_in_it(tmp_path: Path) 
     for name, owner in (("of-root", 0), ("of-nobody", NOBODY), ("of-bob", 99)):
         (results / "old" / name).touch()
         os.chown(results / "old" / name, owner, owner)
-    ALICE.give(results)
+    ALICE.take_ownership(results)
     owners = {path.name: path.lstat().st_uid for path in (results, *results.rglob("*"))}
     assert owners.pop("of-bob") == 99
     assert set(owners.values()) == {ALICE.uid}
@@ -55,7 +55,7 @@ def test_a_file_that_has_another_name_stays_whose_it_is(tmp_path: Path) -> None:
     models.mkdir()
     scene.touch()
     (models / "garden.ply").hardlink_to(scene)
-    ALICE.give(models)
+    ALICE.take_ownership(models)
     assert (models.stat().st_uid, scene.stat().st_uid) == (ALICE.uid, 0)
 
 
@@ -76,7 +76,7 @@ def test_a_command_has_neither_root_s_rights_nor_its_groups() -> None:
 
 def seen_by_alice(argv: list[str], needed: list[Path], devices: list[Path] = []) -> str:  # noqa: B006
     """A command's output as another user, with separate mounts."""
-    command = reaching(ALICE, [*own_code(), *needed], devices, ALICE.command(argv))
+    command = grant_access(ALICE, [*code_folders(), *needed], devices, ALICE.command(argv))
     return subprocess.run(["unshare", "--mount", *command], check=True, capture_output=True, text=True).stdout
 
 
@@ -105,9 +105,9 @@ def test_this_python_runs_wherever_it_is_installed() -> None:
 
 
 def test_only_closed_directories_need_mounts_and_one_that_is_closed_itself_is_named(private: Path) -> None:
-    assert reaching(ALICE, [Path("/usr/bin")], [], ["true"]) == ["true"]
+    assert grant_access(ALICE, [Path("/usr/bin")], [], ["true"]) == ["true"]
     with pytest.raises(StartError, match=f"may not enter {private}"):
-        reaching(ALICE, [private], [], ["true"])
+        grant_access(ALICE, [private], [], ["true"])
 
 
 def test_a_device_of_root_s_can_be_used(tmp_path: Path) -> None:

@@ -38,7 +38,7 @@ class Up(Check):
     """
 
     def run(self) -> None:
-        stop = _told_to_stop()
+        stop = _stop_event()
         with report_errors(StartError, subprocess.CalledProcessError):
             require_extras("dash", "render", "shaper")
             run_lab(https=self.https, store=_has_store(), stop=stop)
@@ -85,7 +85,7 @@ class Demo(Command):
     """Options of the render service, such as -- --scenes models"""
 
     def run(self) -> None:
-        stop = _told_to_stop()
+        stop = _stop_event()
         require_extras("dash", "render")
         run_demo(self.render_options, stop, store=_has_store())
 
@@ -98,7 +98,7 @@ def _has_store() -> bool:
     return installed
 
 
-def _told_to_stop() -> threading.Event:
+def _stop_event() -> threading.Event:
     """An event set on SIGINT and SIGTERM by a thread, as a handler may run while this thread holds the event's lock."""
     stop = threading.Event()
     signals: SimpleQueue[int] = SimpleQueue()

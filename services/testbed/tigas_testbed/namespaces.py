@@ -70,7 +70,7 @@ class Lab:
         return ["ip", "netns", "exec", self.namespace(role), "setpriv", "--pdeathsig", "KILL", *argv]
 
     def exists(self) -> bool:
-        return self.namespace("gateway") in _namespaces()
+        return self.namespace("gateway") in _list_namespaces()
 
     def processes(self, role: Role) -> list[int]:
         return [int(pid) for pid in _output("ip", "netns", "pids", self.namespace(role)).split()]
@@ -84,7 +84,7 @@ class Lab:
         """
         with ExitStack() as stack:
             lock = stack.enter_context(_lock(self.name))
-            listening = threading.Thread(target=_end_when_told, args=(lock,), daemon=True)
+            listening = threading.Thread(target=_wait_for_stop, args=(lock,), daemon=True)
             listening.start()
             stack.callback(listening.join)
             stack.callback(lock.shutdown, socket.SHUT_RDWR)
@@ -114,7 +114,7 @@ class Lab:
 
     def remove(self) -> None:
         """End all processes in the lab's namespaces, and remove the namespaces and the host's link."""
-        existing = _namespaces()
+        existing = _list_namespaces()
         for role in ROLES:
             namespace = self.namespace(role)
             if namespace in existing:
@@ -135,19 +135,19 @@ class Lab:
                 _run("ip", "netns", "add", namespace)
                 _run("ip", "-n", namespace, "link", "set", "lo", "up")
                 _set_tcp_congestion_control(namespace)
-            _veth((client, "access", CLIENT_ADDRESS), (gateway, "access", GATEWAY_ADDRESS))
-            _veth((gateway, "service", GATEWAY_SERVICE_ADDRESS), (service, "service", SERVICE_ADDRESS))
+            _create_veth((client, "access", CLIENT_ADDRESS), (gateway, "access", GATEWAY_ADDRESS))
+            _create_veth((gateway, "service", GATEWAY_SERVICE_ADDRESS), (service, "service", SERVICE_ADDRESS))
             # No segmentation offload: a super-packet would cross the link as one burst.
             for namespace, interface in ((client, "access"), (service, "service")):
-                _run(*_in(namespace), "ethtool", "-K", interface, "tso", "off", "gso", "off",
+                _run(*_exec_in(namespace), "ethtool", "-K", interface, "tso", "off", "gso", "off",
                      "tx-udp-segmentation", "off")  # fmt: skip
-            _localhost(_in(client), "access", CLIENT_ADDRESS, self._table, ports)
+            _forward_localhost(_exec_in(client), "access", CLIENT_ADDRESS, self._table, ports)
             if host:
                 inside = f"{PREFIX}{self.name}"[:15]
-                _veth((client, "host", CLIENT_HOST_ADDRESS), (None, inside, HOST_ADDRESS))
+                _create_veth((client, "host", CLIENT_HOST_ADDRESS), (None, inside, HOST_ADDRESS))
                 _run("ip", "route", "add", f"{GATEWAY_ADDRESS}/32", "via", CLIENT_HOST_ADDRESS)
-                _run(*_in(client), "sysctl", "-qw", "net.ipv4.ip_forward=1")
-                _localhost((), inside, HOST_ADDRESS, self._table, ports)
+                _run(*_exec_in(client), "sysctl", "-qw", "net.ipv4.ip_forward=1")
+                _forward_localhost((), inside, HOST_ADDRESS, self._table, ports)
         except FileNotFoundError as error:
             raise StartError(f"The lab needs {error.filename}: install iproute2, nftables and ethtool.") from None
         except subprocess.CalledProcessError as error:
@@ -158,7 +158,7 @@ class Lab:
 def _set_tcp_congestion_control(namespace: str) -> None:
     """Use CUBIC in every lab if the kernel allows it, whatever the machine's default. Runs record the result."""
     with suppress(subprocess.CalledProcessError):
-        _run(*_in(namespace), "sysctl", "-qw", "net.ipv4.tcp_congestion_control=cubic")
+        _run(*_exec_in(namespace), "sysctl", "-qw", "net.ipv4.tcp_congestion_control=cubic")
 
 
 def check_rights() -> None:
@@ -185,7 +185,7 @@ def _lock(name: str) -> Iterator[socket.socket]:
         yield lock
 
 
-def _end_when_told(lock: socket.socket) -> None:
+def _wait_for_stop(lock: socket.socket) -> None:
     """Wait for a message from this user, until the socket is shut down, and end this process as SIGTERM does."""
     while True:
         message, credentials, _, _ = lock.recvmsg(len(STOP), socket.CMSG_SPACE(CREDENTIALS.size))
@@ -195,7 +195,7 @@ def _end_when_told(lock: socket.socket) -> None:
             os.kill(os.getpid(), signal.SIGTERM)
 
 
-def _localhost(inside: Sequence[str], interface: str, address: str, table: str, ports: Sequence[Port]) -> None:
+def _forward_localhost(inside: Sequence[str], interface: str, address: str, table: str, ports: Sequence[Port]) -> None:
     """Forward ports of 127.0.0.1 to the gateway, through an interface with this address."""
     if not ports:
         return
@@ -213,7 +213,7 @@ def _localhost(inside: Sequence[str], interface: str, address: str, table: str, 
     _run(*inside, "nft", "-f", "-", text="\n".join(rules))
 
 
-def _veth(*ends: tuple[str | None, str, str]) -> None:
+def _create_veth(*ends: tuple[str | None, str, str]) -> None:
     """Create a veth pair between two (namespace, interface, address) and bring it up; None is the host's namespace."""
     (first, name, _), (second, peer_name, _) = ends
     peer = ["peer", "name", peer_name]
@@ -227,11 +227,11 @@ def _ip(namespace: str | None) -> tuple[str, ...]:
     return ("ip", "-n", namespace) if namespace else ("ip",)
 
 
-def _in(namespace: str) -> tuple[str, ...]:
+def _exec_in(namespace: str) -> tuple[str, ...]:
     return ("ip", "netns", "exec", namespace)
 
 
-def _namespaces() -> list[str]:
+def _list_namespaces() -> list[str]:
     return [line.split()[0] for line in _output("ip", "netns", "list").splitlines()]
 
 

@@ -33,7 +33,7 @@ from tigas_common.topology import (
     upstreams_json,
 )
 from tigas_testbed.namespaces import GATEWAY_SERVICE_ADDRESS, SERVICE_ADDRESS, Lab, check_rights
-from tigas_testbed.user import User, own_code, reaching
+from tigas_testbed.user import User, code_folders, grant_access
 
 NAME = "lab"
 FORWARDED = (PAGE, WEBTRANSPORT, DASH, WEBRTC, STORE)
@@ -86,7 +86,7 @@ class Runner:
 
     def service(self, argv: Sequence[str]) -> list[str]:
         """Command line that runs a service. Raises StartError."""
-        reached = reaching(self.user, (*own_code(), *self.needed), (), self.user.command(argv))
+        reached = grant_access(self.user, (*code_folders(), *self.needed), (), self.user.command(argv))
         return self.lab.command("service", reached)
 
     def shaper(self, *more: str, https: Port | None = None) -> list[str]:
@@ -94,7 +94,7 @@ class Runner:
         priority. Raises StartError.
         """
         argv = self.user.command(shaper_command(*more, https=https), ("net_admin", "sys_nice"))
-        return self.lab.command("gateway", reaching(self.user, (*own_code(), *self.needed), (TUN,), argv))
+        return self.lab.command("gateway", grant_access(self.user, (*code_folders(), *self.needed), (TUN,), argv))
 
     def start(
         self, command: Sequence[str], environment: Mapping[str, str] = MappingProxyType({})
@@ -123,7 +123,7 @@ def https_port(address: Address | None) -> Port | None:
     return port
 
 
-def check_free(ports: Sequence[Port]) -> None:
+def check_ports_free(ports: Sequence[Port]) -> None:
     """Raise StartError if a program on this machine uses one of the lab's ports.
 
     For a browser, `localhost` is ::1 if a program listens there, so that address is checked as well if there is IPv6.
@@ -148,13 +148,13 @@ def run_lab(*, https: Address | None, store: bool, stop: threading.Event) -> Non
     secure = https_port(https)
     check_rights()
     ports = (*PORTS, *((secure,) if secure else ()))
-    check_free(ports)
+    check_ports_free(ports)
     results: Path = load_settings("store").results
     models: Path = load_settings("render").scenes
     required = ("--access=access", "--service=service", "--forward=tcp:1=localhost:1")
     traces: Path | None = load_settings("shaper", required).traces
-    lent = (results, *((models,) if models == MODELS else ()))  # an explicitly named directory keeps its owner
-    caller, user = User.caller(os.environ), User.of_services(os.environ, Path.cwd())
+    owned_folders = (results, *((models,) if models == MODELS else ()))  # an explicitly named directory keeps its owner
+    caller, user = User.sudo_caller(os.environ), User.service_user(os.environ, Path.cwd())
     options = ("--traces", str(traces)) if traces else ()
     page = {
         SERVICES_VARIABLE: services_json(shaped=True, store=store),
@@ -162,8 +162,8 @@ def run_lab(*, https: Address | None, store: bool, stop: threading.Event) -> Non
     }
     render = render_command(models, secure)
     with Lab(NAME).up(ports, host=True) as lab:
-        for folder in lent:
-            user.give(folder)
+        for folder in owned_folders:
+            user.take_ownership(folder)
         needed = [each for each in (models, traces, results) if each is not None and each.is_dir()]
         runner = Runner(lab, user, needed, {COMMIT_VARIABLE: this_commit() or ""})  # git refuses other users
         services = [
@@ -176,8 +176,8 @@ def run_lab(*, https: Address | None, store: bool, stop: threading.Event) -> Non
         try:
             keep_running(services, stop)
         finally:
-            for folder in lent:
-                caller.give(folder)
+            for folder in owned_folders:
+                caller.take_ownership(folder)
 
 
 def run_demo(render_options: Sequence[str], stop: threading.Event, *, store: bool) -> None:
@@ -196,15 +196,15 @@ def run_demo(render_options: Sequence[str], stop: threading.Event, *, store: boo
         return subprocess.Popen(argv, start_new_session=True, env={**environment, **more})
 
     running = [
-        Service("DASH packager", lambda: start(dash, _own_names("dash"))),
+        Service("DASH packager", lambda: start(dash, _host_names_env("dash"))),
         Service("render service", lambda: start(tigas_command("render", *render_options))),
     ]
     if store:
-        running.insert(0, Service("experiment store", lambda: start(tigas_command("store"), _own_names("store"))))
+        running.insert(0, Service("experiment store", lambda: start(tigas_command("store"), _host_names_env("store"))))
     keep_running(running, stop)
 
 
-def _own_names(service: str) -> dict[str, str]:
+def _host_names_env(service: str) -> dict[str, str]:
     """Environment in which a service also answers to this machine's names on the network."""
     own = socket.gethostname().lower()
     hosts = (*load_settings(service).allow_hosts, *((own, f"{own}.local") if parse_host(own) == own else ()))

@@ -33,15 +33,15 @@ class User:
     gid: int
 
     @classmethod
-    def caller(cls, environment: Mapping[str, str]) -> User:
+    def sudo_caller(cls, environment: Mapping[str, str]) -> User:
         """The user that invoked sudo, or root."""
         return cls(int(environment.get("SUDO_UID", 0)), int(environment.get("SUDO_GID", 0)))
 
     @classmethod
-    def of_services(cls, environment: Mapping[str, str], directory: Path) -> User:
+    def service_user(cls, environment: Mapping[str, str], directory: Path) -> User:
         """The caller, or else the owner of the working directory; if both are root, the system's `nobody`."""
         state = directory.stat()
-        for user in (cls.caller(environment), cls(state.st_uid, state.st_gid)):
+        for user in (cls.sudo_caller(environment), cls(state.st_uid, state.st_gid)):
             if user.uid and user.gid:
                 return user
         return cls(NOBODY, NOBODY)
@@ -60,7 +60,7 @@ class User:
             os.chown(home, self.uid, self.gid, follow_symlinks=False)
         return {"HOME": str(home), "USER": name, "LOGNAME": name}
 
-    def give(self, folder: Path) -> None:
+    def take_ownership(self, folder: Path) -> None:
         """Make the user the owner of a folder, which is created if missing. Raises StartError."""
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -68,7 +68,7 @@ class User:
         except OSError as error:
             raise StartError(f"{folder} cannot be given to user {self.uid}: {error.strerror or error}.") from None
 
-    def may_enter(self, folder: Path) -> bool:
+    def can_enter(self, folder: Path) -> bool:
         """Whether a folder's mode lets the user reach its contents."""
         state = folder.stat()
         if state.st_uid == self.uid:
@@ -93,44 +93,47 @@ class User:
         ]
 
 
-def own_code() -> list[Path]:
+def code_folders() -> list[Path]:
     """Directories of the current interpreter and its packages, and the working directory."""
     places = (Path(place) for place in (sys.base_prefix, sys.prefix, *sys.path, "."))
     return [place.absolute() for place in places if place.is_dir()]
 
 
-def reaching(user: User, needed: Iterable[Path], devices: Iterable[Path], argv: Sequence[str]) -> list[str]:
+def grant_access(user: User, needed: Iterable[Path], devices: Iterable[Path], argv: Sequence[str]) -> list[str]:
     """Command line that runs another one such that `user` reaches all needed files, through private mounts under root.
 
     Raises StartError for a needed directory that is closed to the user itself.
     """
-    commands = [*_doors(user, needed), *(line for device in devices for line in _device(user, device))]
+    commands = [
+        *_mount_commands(user, needed),
+        *(line for device in devices for line in _device_commands(user, device)),
+    ]
     if not commands:
         return list(argv)
     script = "\n".join((*map(shlex.join, commands), f"cd {shlex.quote(str(Path.cwd()))}", 'exec "$@"'))
     return ["sh", "-ec", script, "sh", *argv]
 
 
-def _doors(user: User, needed: Iterable[Path]) -> list[Sequence[str]]:
+def _mount_commands(user: User, needed: Iterable[Path]) -> list[Sequence[str]]:
     """Commands that make needed paths reachable past closed directories."""
     behind: dict[Path, set[Path]] = {}
     for path in {each for place in needed for each in (place.absolute(), place.resolve())}:
-        if path.is_dir() and not user.may_enter(path):
+        if path.is_dir() and not user.can_enter(path):
             raise StartError(f"The lab's services run as user {user.uid}, who may not enter {path}; change its mode.")
-        if door := next((parent for parent in reversed(path.parents) if not user.may_enter(parent)), None):
-            behind.setdefault(door, set()).add(path)
+        if closed_folder := next((parent for parent in reversed(path.parents) if not user.can_enter(parent)), None):
+            behind.setdefault(closed_folder, set()).add(path)
     commands: list[Sequence[str]] = []
-    for door, paths in sorted(behind.items()):
+    for closed_folder, paths in sorted(behind.items()):
         commands.append(("mount", "-t", "tmpfs", "-o", "mode=0755,size=1m", "tigas", _SPARE))
         for path in sorted(paths):
             if paths.isdisjoint(path.parents):
-                place = f"{_SPARE}/{path.relative_to(door)}"
+                place = f"{_SPARE}/{path.relative_to(closed_folder)}"
                 commands += [("mkdir", "-p", place), ("mount", "--rbind", str(path), place)]
-        commands.append(("mount", "--move", _SPARE, str(door)))
+        commands.append(("mount", "--move", _SPARE, str(closed_folder)))
     return commands
 
 
-def _device(user: User, device: Path) -> list[Sequence[str]]:
+def _device_commands(user: User, device: Path) -> list[Sequence[str]]:
     """Commands that give a user access to a root-only device; empty if the device is public or missing."""
     if not device.exists() or device.stat().st_mode & stat.S_IWOTH:
         return []
