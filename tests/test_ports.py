@@ -17,7 +17,7 @@ from tigas_dash import main as dash
 from tigas_dash.settings import DashSettings
 from tigas_experiments.store import main as store
 from tigas_experiments.store.settings import StoreSettings
-from tigas_testbed.services import check_free
+from tigas_testbed.services import check_ports_free
 
 pytestmark = pytest.mark.anyio
 
@@ -43,8 +43,8 @@ async def test_the_store_says_so_before_it_makes_its_directory(taken: Address, t
 
 def test_the_lab_says_so_before_it_is_built(taken: Address) -> None:
     with pytest.raises(StartError, match=f"needs tcp port {taken} "):
-        check_free([Port("tcp", taken.port)])
-    check_free([Port("udp", taken.port)])
+        check_ports_free([Port("tcp", taken.port)])
+    check_ports_free([Port("udp", taken.port)])
 
 
 @IPV6.mark
@@ -52,8 +52,8 @@ def test_the_lab_says_so_if_only_a_browser_s_first_choice_is_taken() -> None:
     with socket.create_server(("::1", 0), family=socket.AF_INET6) as listener:
         port = Port("tcp", listener.getsockname()[1])
         with pytest.raises(StartError, match=rf"needs tcp port \[::1\]:{port.number} \(Address already in use\)"):
-            check_free([port])
-        check_free([Port("udp", port.number)])
+            check_ports_free([port])
+        check_ports_free([Port("udp", port.number)])
 
 
 def test_the_lab_does_without_ipv6(monkeypatch: pytest.MonkeyPatch, taken: Address) -> None:
@@ -65,4 +65,4 @@ def test_the_lab_does_without_ipv6(monkeypatch: pytest.MonkeyPatch, taken: Addre
         return make_socket(family, kind)
 
     monkeypatch.setattr(socket, "socket", ipv4_only)
-    check_free([Port("udp", taken.port)])
+    check_ports_free([Port("udp", taken.port)])

@@ -14,7 +14,7 @@ from tests.fuzz.fuzzers import assert_sentence, effort
 from tests.shaper.traces.recordings import GHENT, IRISH, SABRE
 from tigas_shaper.traces.csv_format import format_csv, parse_csv
 from tigas_shaper.traces.formats import FORMATS, parse_trace, trace_name
-from tigas_shaper.traces.library import points, summary
+from tigas_shaper.traces.library import summarise, trace_outline
 from tigas_shaper.traces.text import MAX_BYTES
 from tigas_shaper.traces.trace import TraceError
 
@@ -51,10 +51,10 @@ def test_any_file_is_a_trace_or_one_sentence(data: bytes, format: str | None) ->
         packed = data.startswith(b"\x1f\x8b")
         assert peak < MOST_MEMORY * (len(data) + 10_000) + packed * UNPACKED
     assert parse_csv("t", format_csv(trace)) == trace
-    summary(trace, uploaded=True)
-    assert len(points(trace).times_ms) == len(points(trace).down_kbps)
+    summarise(trace, uploaded=True)
+    assert len(trace_outline(trace).times_ms) == len(trace_outline(trace).down_kbps)
     for moment in (0, trace.duration_ms / 3, trace.duration_ms, 1e12):
-        assert trace.at(moment) in trace.states
+        assert trace.state_at(moment) in trace.states
 
 
 @effort()

@@ -53,7 +53,7 @@ class FakeLink:
     backend = "relay"
 
     def __init__(self, time: FakeTime) -> None:
-        self.closed: str | None = None
+        self.closed_reason: str | None = None
         self.applied: list[tuple[float, float]] = []
         """Time (s) and rate towards the client of each change."""
         self.states: list[LinkSetting] = []
@@ -74,11 +74,11 @@ class FakeLink:
         return Counters(self.sent, 3, 12_500), Counters(0, 0, 0)
 
     def close(self, reason: str) -> None:
-        self.closed = reason
+        self.closed_reason = reason
 
     def _check(self) -> None:
-        if self.closed:
-            raise LinkClosed(self.closed)
+        if self.closed_reason:
+            raise LinkClosed(self.closed_reason)
 
 
 class FakeGateway:

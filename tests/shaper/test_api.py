@@ -236,7 +236,7 @@ async def test_watchers_are_counted_from_the_first_byte_that_waits(shaper: Shape
 
 
 async def test_watchers_see_the_newest_status_until_the_shaper_stops(shaper: Shaper) -> None:
-    watching = asyncio.create_task(shaper._watch())
+    watching = asyncio.create_task(shaper._keep_sampling())
     seen = []
     async for status in shaper.watch():
         seen.append(status)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from tests.shaper.conftest import IDLE, FakeLink, FakeTime, make_player, trace
 from tigas_common.wire.shaper import LinkSetting
 from tigas_shaper.link.link import LinkClosed
-from tigas_shaper.player import NothingPlays, Playback, Player
+from tigas_shaper.player import NotPlaying, Playback, Player
 
 pytestmark = pytest.mark.anyio
 TRACE = trace(1, 2, 3)
@@ -76,7 +76,7 @@ async def test_another_trace_or_a_constant_link_takes_over(time: FakeTime, link:
     player.start(trace(10, 20, name="other"))
     await time.advance(0.1)
     assert player.state.down_kbps == 20
-    player.constant(LinkSetting(7, 8, delay_ms=9))
+    player.hold(LinkSetting(7, 8, delay_ms=9))
     link.applied.clear()
     await time.advance(5)
     assert link.applied == []
@@ -100,7 +100,7 @@ async def test_the_loop_can_be_ended_while_playing(time: FakeTime, link: FakeLin
 
 async def test_without_a_trace_there_is_nothing_to_control(player: Player) -> None:
     for act in (player.pause, player.resume, lambda: player.seek(0), lambda: player.set_loop(True)):
-        with pytest.raises(NothingPlays):
+        with pytest.raises(NotPlaying):
             act()
 
 

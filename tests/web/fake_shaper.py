@@ -31,7 +31,7 @@ from tigas_common.wire.shaper import (
 )
 from tigas_shaper.player import Player
 from tigas_shaper.service import Shaper
-from tigas_shaper.traces.library import TraceLibrary, UnknownTrace, points, summary
+from tigas_shaper.traces.library import TraceLibrary, UnknownTrace, summarise, trace_outline
 from tigas_shaper.traces.trace import NetworkTrace
 
 TRACES = {
@@ -94,10 +94,10 @@ class FakeShaper:
         self._socket.close()
 
     async def _traces(self, request: Request) -> Response:
-        return json_response(TraceList(traces=tuple(summary(trace, uploaded=False) for trace in TRACES.values())))
+        return json_response(TraceList(traces=tuple(summarise(trace, uploaded=False) for trace in TRACES.values())))
 
     async def _trace(self, request: Request) -> Response:
-        return json_response(points(TRACES[request.path_params["name"]]))
+        return json_response(trace_outline(TRACES[request.path_params["name"]]))
 
     async def _events(self, request: Request) -> Response:
         return StreamingResponse(self._samples(), media_type="text/event-stream")
@@ -130,7 +130,7 @@ class FakeShaper:
             case "/loop":
                 player.set_loop(parse(LoopRequest, body).loop)
             case "/link":
-                player.constant(parse(LinkSetting, body))
+                player.hold(parse(LinkSetting, body))
         return json_response(self._now())
 
     def _now(self) -> ShaperStatus:

@@ -49,7 +49,7 @@ from tigas_common.wire.shaper import (
 )
 from tigas_shaper.link.link import LinkClosed
 from tigas_shaper.service import Shaper
-from tigas_shaper.traces.library import points, summary
+from tigas_shaper.traces.library import summarise, trace_outline
 
 BYTES_PER_KBIT = 125
 MAX_WATCHERS = 64
@@ -105,7 +105,7 @@ async def upload(request: Request) -> ModelResponse[TraceSummary]:
         name = request.query_params.get("name", "uploaded")[:255]
         async with state.reading:  # each takes a processor for a second
             added = await asyncio.to_thread(_shaper(request).library.add, name, data)
-            answer = await asyncio.to_thread(summary, added, uploaded=True)
+            answer = await asyncio.to_thread(summarise, added, uploaded=True)
     finally:
         state.uploading -= 1
     return json_response(answer)
@@ -114,7 +114,7 @@ async def upload(request: Request) -> ModelResponse[TraceSummary]:
 async def trace(request: Request) -> ModelResponse[TracePoints]:
     """A trace's outline, for drawing."""
     found = await asyncio.to_thread(_shaper(request).library.get, request.path_params["name"])
-    return json_response(await asyncio.to_thread(points, found))
+    return json_response(await asyncio.to_thread(trace_outline, found))
 
 
 @described(takes=StartRequest)
@@ -163,7 +163,7 @@ async def loop(request: Request) -> ModelResponse[ShaperStatus]:
 @described(takes=LinkSetting)
 async def link(request: Request) -> ModelResponse[ShaperStatus]:
     """Hold one constant state."""
-    _shaper(request).player.constant(await read_message(request, LinkSetting))
+    _shaper(request).player.hold(await read_message(request, LinkSetting))
     return _status(request)
 
 
@@ -175,7 +175,7 @@ async def status(request: Request) -> ModelResponse[ShaperStatus]:
 @described(gives=("text/event-stream",))
 async def events(request: Request) -> Response:
     """The link's status about five times per second, as server-sent events with a ShaperStatus each."""
-    return _Events(_events(request), media_type="text/event-stream", headers=NO_STORE)
+    return _Events(_event_stream(request), media_type="text/event-stream", headers=NO_STORE)
 
 
 class _Events(StreamingResponse):
@@ -192,7 +192,7 @@ class _Events(StreamingResponse):
             state.watchers -= 1
 
 
-async def _events(request: Request) -> AsyncIterator[str]:
+async def _event_stream(request: Request) -> AsyncIterator[str]:
     async for seen in _shaper(request).watch():
         yield f"data: {seen.model_dump_json()}\n\n"
 
@@ -200,7 +200,7 @@ async def _events(request: Request) -> AsyncIterator[str]:
 @described(gives=(JSON,))
 async def healthz(request: Request) -> Response:
     """Whether the link works."""
-    closed = _shaper(request).closed
+    closed = _shaper(request).closed_reason
     if closed is not None:
         raise LinkClosed(closed)
     return healthy()
@@ -225,11 +225,11 @@ class ShaperMetrics(Collector):
         status, sent = self._shaper.status(), self._shaper.sent_bytes
         link, directions = status.link, {"down": status.down, "up": status.up}
 
-        def of_each(value: Callable[[DirectionStatus], float]) -> dict[str, float]:
+        def per_direction(value: Callable[[DirectionStatus], float]) -> dict[str, float]:
             return {name: value(direction) for name, direction in directions.items()}
 
-        drops, rates = of_each(lambda one: one.drops), of_each(lambda one: one.target_kbps * BYTES_PER_KBIT)
-        waiting, ages = of_each(lambda one: one.queue_bytes), of_each(lambda one: one.queue_ms / 1000)
+        drops, rates = per_direction(lambda one: one.drops), per_direction(lambda one: one.target_kbps * BYTES_PER_KBIT)
+        waiting, ages = per_direction(lambda one: one.queue_bytes), per_direction(lambda one: one.queue_ms / 1000)
         modes = {mode: mode == status.mode for mode in get_args(PlaybackMode)}
         yield labelled_counter("tigas_shaper_sent_bytes", "Delivered bytes", "direction", sent)
         yield labelled_counter("tigas_shaper_dropped_packets", "Packets dropped by a full queue", "direction", drops)

@@ -12,7 +12,7 @@ from tigas_common.wire.shaper import LinkSetting, PlaybackMode
 from tigas_shaper.traces.trace import NetworkTrace
 
 
-class NothingPlays(TigasError):
+class NotPlaying(TigasError):
     status, type, title = 409, "nothing-plays", "No trace is playing"
 
 
@@ -35,39 +35,39 @@ class Playback:
     """Time at which it started to play from the anchor; None while paused."""
 
     def position_ms(self, now: float) -> float:
-        run = self._run_ms(now)
+        run = self._elapsed_ms(now)
         return run % self.trace.duration_ms if self.loop else min(run, self.trace.duration_ms)
 
-    def ended(self, now: float) -> bool:
-        return not self.loop and self._run_ms(now) >= self.trace.duration_ms
+    def has_ended(self, now: float) -> bool:
+        return not self.loop and self._elapsed_ms(now) >= self.trace.duration_ms
 
     def state(self, now: float) -> LinkSetting:
         """The current state; after the end, the last one."""
-        return self.trace.states[-1] if self.ended(now) else self.trace.at(self.position_ms(now))
+        return self.trace.states[-1] if self.has_ended(now) else self.trace.state_at(self.position_ms(now))
 
     def next_change(self, now: float) -> float | None:
         """Time of the next state, or of the trace's end; None if neither will occur."""
-        if self.since is None or self.ended(now):
+        if self.since is None or self.has_ended(now):
             return None
-        return self.since + (self.trace.next_change(self._run_ms(now)) - self.anchor_ms) / 1e3
+        return self.since + (self.trace.next_change(self._elapsed_ms(now)) - self.anchor_ms) / 1e3
 
-    def paused(self, now: float) -> Playback:
+    def as_paused(self, now: float) -> Playback:
         return replace(self, anchor_ms=self.position_ms(now), since=None)
 
-    def playing(self, now: float) -> Playback:
+    def as_playing(self, now: float) -> Playback:
         """Continue from the current position, or from the start after the end."""
-        return replace(self, anchor_ms=0.0 if self.ended(now) else self.position_ms(now), since=now)
+        return replace(self, anchor_ms=0.0 if self.has_ended(now) else self.position_ms(now), since=now)
 
-    def at(self, position_ms: float, now: float) -> Playback:
+    def with_position(self, position_ms: float, now: float) -> Playback:
         """The same playback, moved to a position within the trace."""
         bounded = min(max(position_ms, 0.0), float(self.trace.duration_ms))
         return replace(self, anchor_ms=bounded, since=None if self.since is None else now)
 
-    def looping(self, loop: bool, now: float) -> Playback:
+    def with_loop(self, loop: bool, now: float) -> Playback:
         """The same playback, with or without starting over at the end."""
-        return replace(self.at(self.position_ms(now), now), loop=loop)
+        return replace(self.with_position(self.position_ms(now), now), loop=loop)
 
-    def _run_ms(self, now: float) -> float:
+    def _elapsed_ms(self, now: float) -> float:
         # Rounded to the nanosecond, as a time computed from a boundary must not fall just before that boundary.
         return self.anchor_ms if self.since is None else round(self.anchor_ms + (now - self.since) * 1e3, 6)
 
@@ -92,7 +92,7 @@ class Player:
         self._sleep = sleep
         self._playback: Playback | None = None
         self._state = idle
-        self._stepping: asyncio.Task[None] | None = None
+        self._step_task: asyncio.Task[None] | None = None
 
     @property
     def state(self) -> LinkSetting:
@@ -116,58 +116,58 @@ class Player:
             return "constant"
         if self._playback.since is None:
             return "paused"
-        return "ended" if self._playback.ended(self._clock()) else "playing"
+        return "ended" if self._playback.has_ended(self._clock()) else "playing"
 
     def start(self, trace: NetworkTrace, *, loop: bool = True) -> None:
         """Play a trace from its start, replacing the current one."""
         means = trace.mean_down_kbps, trace.mean_up_kbps  # slow for a long trace
-        self._go(Playback(trace, loop, since=self._clock()), means)
+        self._replace(Playback(trace, loop, since=self._clock()), means)
 
-    def constant(self, state: LinkSetting) -> None:
+    def hold(self, state: LinkSetting) -> None:
         """Hold one state, replacing the current one."""
-        self._halt()
+        self._stop_stepping()
         self._apply(state, (state.down_kbps, state.up_kbps))
         self._playback = None
 
     def stop(self) -> None:
         """Return to the idle state."""
-        self.constant(self._idle)
+        self.hold(self._idle)
 
     def pause(self) -> None:
-        """Hold the current state. Raises NothingPlays."""
-        self._go(self._current().paused(self._clock()))
+        """Hold the current state. Raises NotPlaying."""
+        self._replace(self._current().as_paused(self._clock()))
 
     def resume(self) -> None:
-        """Continue playing. Raises NothingPlays."""
+        """Continue playing. Raises NotPlaying."""
         playback = self._current()
-        if playback.since is None or playback.ended(self._clock()):
-            self._go(playback.playing(self._clock()))
+        if playback.since is None or playback.has_ended(self._clock()):
+            self._replace(playback.as_playing(self._clock()))
 
     def seek(self, position_ms: float) -> None:
-        """Go to a position. Raises NothingPlays."""
-        self._go(self._current().at(position_ms, self._clock()))
+        """Go to a position. Raises NotPlaying."""
+        self._replace(self._current().with_position(position_ms, self._clock()))
 
     def set_loop(self, loop: bool) -> None:
-        """Set whether to start over at the end. Raises NothingPlays."""
-        self._go(self._current().looping(loop, self._clock()))
+        """Set whether to start over at the end. Raises NotPlaying."""
+        self._replace(self._current().with_loop(loop, self._clock()))
 
     def close(self) -> None:
         """Stop playback, leaving the link unchanged."""
-        self._halt()
+        self._stop_stepping()
 
     def _current(self) -> Playback:
         if self._playback is None:
-            raise NothingPlays("No trace is playing; start one first.")
+            raise NotPlaying("No trace is playing; start one first.")
         return self._playback
 
-    def _go(self, playback: Playback, mean_kbps: tuple[float, float] | None = None) -> None:
-        self._halt()
+    def _replace(self, playback: Playback, mean_kbps: tuple[float, float] | None = None) -> None:
+        self._stop_stepping()
         self._apply(playback.state(self._clock()), mean_kbps)
         self._playback = playback
         if playback.since is not None:
-            self._stepping = asyncio.create_task(self._step(playback))
+            self._step_task = asyncio.create_task(self._keep_stepping(playback))
 
-    async def _step(self, playback: Playback) -> None:
+    async def _keep_stepping(self, playback: Playback) -> None:
         try:
             while (change := playback.next_change(now := self._clock())) is not None:
                 await self._sleep(change - now)
@@ -180,7 +180,7 @@ class Player:
         self._link.apply(state, mean_kbps)
         self._state = state
 
-    def _halt(self) -> None:
-        if self._stepping:
-            self._stepping.cancel()
-            self._stepping = None
+    def _stop_stepping(self) -> None:
+        if self._step_task:
+            self._step_task.cancel()
+            self._step_task = None

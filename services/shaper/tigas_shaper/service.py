@@ -10,7 +10,7 @@ from contextlib import AsyncExitStack, asynccontextmanager
 from tigas_common.errors import StartError
 from tigas_common.wire.shaper import DirectionStatus, LinkSetting, ShaperStatus
 from tigas_shaper.link.commands import CommandError, Interface
-from tigas_shaper.link.delay import detect
+from tigas_shaper.link.delay import detect_backend
 from tigas_shaper.link.gateway import Forward, Gateway, remove_leftovers, shaper_lock
 from tigas_shaper.link.link import Counters, LinkClosed, ShapedLink
 from tigas_shaper.player import Player
@@ -19,7 +19,7 @@ from tigas_shaper.traces.library import TraceLibrary
 
 SAMPLE_S = 0.2
 """Sampling interval of the link, in seconds."""
-_NOTHING = Counters(0, 0, 0)
+_ZERO_COUNTERS = Counters(0, 0, 0)
 
 
 class Shaper:
@@ -46,7 +46,7 @@ class Shaper:
             idle = LinkSetting(settings.down_kbps, settings.up_kbps)
             try:
                 await remove_leftovers((access, service))
-                backend = await detect() if settings.backend == "auto" else settings.backend
+                backend = await detect_backend() if settings.backend == "auto" else settings.backend
                 gateway = await stack.enter_async_context(Gateway.open(access, service, forwards))
                 link = await stack.enter_async_context(
                     ShapedLink.open(
@@ -65,16 +65,16 @@ class Shaper:
             shaper = cls(link, gateway, Player(link, idle, clock=time.monotonic), TraceLibrary(settings.traces))
             stack.callback(shaper.player.close)
             # The gate is closed before the shaping is removed, so that no packet ever crosses unshaped.
-            stack.push_async_callback(gateway.shut)
+            stack.push_async_callback(gateway.close)
             gateway.open_gate()
-            watching = asyncio.create_task(shaper._watch())
+            watching = asyncio.create_task(shaper._keep_sampling())
             stack.callback(watching.cancel)
             yield shaper
 
     @property
-    def closed(self) -> str | None:
+    def closed_reason(self) -> str | None:
         """Reason why the link is closed, in one sentence."""
-        return self._link.closed
+        return self._link.closed_reason
 
     @property
     def sent_bytes(self) -> dict[str, int]:
@@ -94,7 +94,7 @@ class Shaper:
             down=self._down.status(state.down_kbps),
             up=self._up.status(state.up_kbps),
             backend=self._link.backend,
-            closed=self._link.closed,
+            closed=self._link.closed_reason,
         )
 
     async def watch(self) -> AsyncIterator[ShaperStatus]:
@@ -108,7 +108,7 @@ class Shaper:
         self._stopping = True
         self._sampled.set()
 
-    async def _watch(self) -> None:
+    async def _keep_sampling(self) -> None:
         while True:
             try:
                 await self._sample()
@@ -124,7 +124,7 @@ class Shaper:
             await self._gateway.check()
         except CommandError as error:
             self._link.close(f"Forwarding failed; nothing passes until the shaper is restarted: {error}")
-            raise LinkClosed(str(self._link.closed)) from None
+            raise LinkClosed(str(self._link.closed_reason)) from None
         now = time.monotonic()
         self._down.sample(down, now, self.player.state.down_kbps)
         self._up.sample(up, now, self.player.state.up_kbps)
@@ -134,7 +134,7 @@ class _Meter:
     """Converts one direction's counters into rates."""
 
     def __init__(self) -> None:
-        self._counters = _NOTHING
+        self._counters = _ZERO_COUNTERS
         self._at: float | None = None
         self._delivered_kbps = 0.0
         self._rate_kbps = 0.0

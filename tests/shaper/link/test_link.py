@@ -14,9 +14,9 @@ import pytest
 from tigas_common.address import Address
 from tigas_common.errors import StartError
 from tigas_common.wire.shaper import LinkSetting
-from tigas_shaper.link.commands import Channel, CommandError, Interface, attempt, run
+from tigas_shaper.link.commands import Channel, CommandError, Interface, run, try_run
 from tigas_shaper.link.delay import NetemStage
-from tigas_shaper.link.gateway import Forward, rules
+from tigas_shaper.link.gateway import Forward, make_rules
 from tigas_shaper.link.link import MIN_QUEUE, Direction, queue_bytes, queue_line, rate_line
 from tigas_shaper.main import check_ports
 
@@ -185,8 +185,8 @@ async def test_only_single_lines_of_plain_text_are_sent(channel: Channel, line: 
 
 
 async def test_commands_that_run_once() -> None:
-    assert await attempt(sys.executable, "-c", "pass")
-    assert not await attempt(sys.executable, "-c", "raise SystemExit(3)")
+    assert await try_run(sys.executable, "-c", "pass")
+    assert not await try_run(sys.executable, "-c", "raise SystemExit(3)")
     with pytest.raises(CommandError, match=r"^bad luck$"):
         await run(sys.executable, "-c", "import sys; sys.exit('bad luck')")
 
@@ -233,7 +233,7 @@ def test_ports_that_clients_could_not_reach_are_refused(forwards: list[str], api
 
 
 def test_the_gate_is_closed_first_and_only_forwarded_packets_pass() -> None:
-    lines = rules(Interface("a0"), Interface("s0"), [Forward.parse("tcp:80=192.0.2.1:8080")])
+    lines = make_rules(Interface("a0"), Interface("s0"), [Forward.parse("tcp:80=192.0.2.1:8080")])
     assert lines[0].endswith("{ flags owner; }")
     assert lines.index("add rule ip tigas_shaper gate drop") < min(
         index for index, line in enumerate(lines) if "hook" in line

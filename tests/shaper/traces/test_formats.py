@@ -15,7 +15,7 @@ from tests.shared_data import shared_file
 from tigas_common.wire.shaper import MAX_DURATION_MS, LinkSetting
 from tigas_shaper.traces import text as text_module
 from tigas_shaper.traces.csv_format import format_csv, parse_csv
-from tigas_shaper.traces.formats import load_trace, parse_trace, recognise, trace_name
+from tigas_shaper.traces.formats import detect_format, load_trace, parse_trace, trace_name
 from tigas_shaper.traces.text import decode
 from tigas_shaper.traces.trace import NetworkTrace, TraceError
 
@@ -38,8 +38,8 @@ from tigas_shaper.traces.trace import NetworkTrace, TraceError
     ],
 )
 def test_the_content_tells_the_format(text: str, format: str) -> None:
-    assert recognise(text) == format
-    assert recognise("\n\n" + text) == format
+    assert detect_format(text) == format
+    assert detect_format("\n\n" + text) == format
 
 
 def test_the_uplink_of_a_recording_of_one_direction_can_be_set() -> None:
@@ -87,7 +87,7 @@ def test_units_are_right_on_published_recordings(
     parts: tuple[str, str], format: str, mbps: float, seconds: float
 ) -> None:
     path = shared_file("traces", *parts)
-    assert recognise(decode(path.read_bytes())) == format
+    assert detect_format(decode(path.read_bytes())) == format
     trace = load_trace(path)
     assert trace.mean_down_kbps / 1000 == pytest.approx(mbps, rel=1e-3)
     assert trace.duration_ms / 1000 == pytest.approx(seconds)

@@ -17,7 +17,7 @@ from tigas_shaper.traces.generator import (
     LinkModel,
     Regime,
     generate,
-    own_traces,
+    make_own_traces,
     write_own_traces,
 )
 from tigas_shaper.traces.trace import NetworkTrace
@@ -28,13 +28,13 @@ HOUR_MS = 3_600_000
 
 def averaged(trace: NetworkTrace) -> list[float]:
     """Mean rate towards the client in each second of a trace of 100 ms or 1 s steps, Mbit/s."""
-    tenths = [trace.at(t).down_kbps / 1000 for t in range(0, trace.duration_ms, 100)]
+    tenths = [trace.state_at(t).down_kbps / 1000 for t in range(0, trace.duration_ms, 100)]
     return [fmean(tenths[start : start + 10]) for start in range(0, len(tenths), 10)]
 
 
 def recorded(*parts: str) -> list[float]:
     trace = load_trace(shared_file("traces", *parts))
-    return [trace.at(t).down_kbps / 1000 for t in range(0, trace.duration_ms, 1000)]
+    return [trace.state_at(t).down_kbps / 1000 for t in range(0, trace.duration_ms, 1000)]
 
 
 def variation(rates: list[float]) -> float:
@@ -52,11 +52,11 @@ def test_generating_again_gives_the_files_in_the_repository_byte_for_byte(tmp_pa
 
 def test_the_kept_files_are_what_they_are_called() -> None:
     kept = {path.stem: load_trace(path) for path in KEPT.glob("*.csv")}
-    assert kept == {trace.name: trace for trace in own_traces()}
+    assert kept == {trace.name: trace for trace in make_own_traces()}
     assert all(60_000 <= trace.duration_ms <= 300_000 for trace in kept.values())
     assert kept["outage"].outages == [(20_000, 1_000), (40_000, 5_000)]
     assert {state.up_kbps for state in kept["outage"].states if not state.down_kbps} == {0}
-    assert kept["step-down"].at(29_999).down_kbps == kept["step-up"].at(30_000).down_kbps == 40_000
+    assert kept["step-down"].state_at(29_999).down_kbps == kept["step-up"].state_at(30_000).down_kbps == 40_000
     assert max(path.stat().st_size for path in KEPT.glob("*.csv")) < 50_000
 
 

@@ -13,8 +13,8 @@ FAST, SLOW = LinkSetting(20_000, 5_000), LinkSetting(0, 1_000, 20, 5, 1.5)
 
 def test_a_state_holds_until_the_next_and_the_trace_starts_again_at_its_end() -> None:
     trace = NetworkTrace("t", (0, 100), (FAST, SLOW), 400)
-    assert all(trace.at(t) is FAST for t in (0, 99.9, 400, 4099))
-    assert all(trace.at(t) is SLOW for t in (100, 399.9, 4100))
+    assert all(trace.state_at(t) is FAST for t in (0, 99.9, 400, 4099))
+    assert all(trace.state_at(t) is SLOW for t in (100, 399.9, 4100))
     assert trace.steps_ms == (100, 300)
 
 

@@ -22,8 +22,8 @@ MARK = 0x7469
 SIOCGIFMTU = 0x8921
 IFREQ = struct.Struct("16si20x")
 """An interface's name and an integer (netdevice(7))."""
-MARKED = f'bpf bytecode "4,32 0 0 4294963220,21 0 1 {MARK},6 0 0 4294967295,6 0 0 0"'
-EVERYTHING = 'bpf bytecode "1,6 0 0 4294967295"'
+MATCH_MARKED = f'bpf bytecode "4,32 0 0 4294963220,21 0 1 {MARK},6 0 0 4294967295,6 0 0 0"'
+MATCH_ALL = 'bpf bytecode "1,6 0 0 4294967295"'
 
 
 class Interface(str):
@@ -105,20 +105,20 @@ class Channel:
         """
         async with self._asking:
             self.write(line)
-            heard: list[str] = []
+            messages: list[str] = []
             try:
                 async with asyncio.timeout(TIMEOUT_S):
                     while (text := await self._read()) is not None:
                         if text.startswith(answer):
                             return text
                         if text.startswith(self._failure):
-                            raise CommandError(" ".join((*heard, text)))
+                            raise CommandError(" ".join((*messages, text)))
                         if text.strip() and not text.startswith("Warning:"):
-                            heard.append(text.strip())
+                            messages.append(text.strip())
             except TimeoutError:
                 raise CommandError("The tool does not answer.") from None
             self._ended = True
-            raise CommandError(" ".join(heard) or "The tool exited.")
+            raise CommandError(" ".join(messages) or "The tool exited.")
 
     async def _read(self) -> str | None:
         assert self._process.stdout
@@ -129,12 +129,12 @@ class Channel:
 async def run(*argv: str) -> None:
     """Run a command to its end. Raises CommandError with its error output."""
     process = await asyncio.create_subprocess_exec(*argv, stdin=DEVNULL, stdout=DEVNULL, stderr=PIPE)
-    _, complaint = await process.communicate()
+    _, stderr = await process.communicate()
     if process.returncode:
-        raise CommandError(" ".join(complaint.decode(errors="replace").split()) or f"{argv[0]} failed.")
+        raise CommandError(" ".join(stderr.decode(errors="replace").split()) or f"{argv[0]} failed.")
 
 
-async def attempt(*argv: str) -> bool:
+async def try_run(*argv: str) -> bool:
     """Run a command that may fail, and return whether it succeeded."""
     with suppress(CommandError):
         await run(*argv)

@@ -12,7 +12,7 @@ from contextlib import asynccontextmanager
 from typing import Any, ClassVar
 
 from tigas_common.wire.shaper import Backend, LinkSetting
-from tigas_shaper.link.commands import EVERYTHING, MARKED, Channel, CommandError, Interface, attempt, run
+from tigas_shaper.link.commands import MATCH_ALL, MATCH_MARKED, Channel, CommandError, Interface, run, try_run
 from tigas_shaper.link.relay import RelayState
 
 _PROBE = Interface("tigas-probe")
@@ -54,19 +54,19 @@ class NetemStage(DelayStage):
                 f"qdisc add dev {interface} root handle 2: htb default 0",
                 f"class add dev {interface} parent 2: classid 2:1 htb rate 100gbit burst 1mb cburst 1mb quantum 3028",
                 f"qdisc add dev {interface} parent 2:1 handle 20: netem limit 100000",
-                f"filter add dev {interface} parent 2: protocol ip prio 1 {MARKED} flowid 2:1",
+                f"filter add dev {interface} parent 2: protocol ip prio 1 {MATCH_MARKED} flowid 2:1",
             )
             yield cls(tc, interface)
         finally:
-            await attempt("tc", "qdisc", "del", "dev", interface, "root", "handle", "2:")
-            await attempt("ip", "link", "del", device)
+            await try_run("tc", "qdisc", "del", "dev", interface, "root", "handle", "2:")
+            await try_run("ip", "link", "del", device)
 
     def set(self, state: LinkSetting, *, blocked: bool) -> None:
         loss = 100.0 if blocked else state.loss_pct
         # A rate, however high, makes netem keep packets in order despite jitter.
         self._tc.write(
             f"qdisc change dev {self._interface} parent 2:1 handle 20: netem limit 100000 "
-            f"delay {_us(state.delay_ms)}us {_us(state.jitter_ms)}us loss {loss:.4f}% rate 100gbit"
+            f"delay {_microseconds(state.delay_ms)}us {_microseconds(state.jitter_ms)}us loss {loss:.4f}% rate 100gbit"
         )
 
     async def check(self) -> None:
@@ -100,7 +100,7 @@ class RelayStage(DelayStage):
             # Packets that the relay writes back leave through the interface.
             tc.write(
                 f"qdisc add dev {device} clsact",
-                f"filter add dev {device} ingress protocol ip prio 1 {EVERYTHING} "
+                f"filter add dev {device} ingress protocol ip prio 1 {MATCH_ALL} "
                 f"action mirred egress redirect dev {interface}",
             )
             yield cls(process)
@@ -122,19 +122,19 @@ class RelayStage(DelayStage):
             raise CommandError("The relay exited.")
 
 
-async def detect() -> Backend:
+async def detect_backend() -> Backend:
     """The best backend that works with this kernel, determined by trying."""
-    if not await attempt("ip", "link", "add", _PROBE, "type", "ifb"):
+    if not await try_run("ip", "link", "add", _PROBE, "type", "ifb"):
         return "relay"
     try:
-        found = await attempt("tc", "qdisc", "add", "dev", _PROBE, "root", "netem", "delay", "1ms")
+        found = await try_run("tc", "qdisc", "add", "dev", _PROBE, "root", "netem", "delay", "1ms")
     finally:
-        await attempt("ip", "link", "del", _PROBE)
+        await try_run("ip", "link", "del", _PROBE)
     return "netem" if found else "relay"
 
 
 STAGES: dict[Backend, type[NetemStage] | type[RelayStage]] = {"netem": NetemStage, "relay": RelayStage}
 
 
-def _us(milliseconds: float) -> int:
+def _microseconds(milliseconds: float) -> int:
     return round(milliseconds * 1000)

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Literal
 
 from tigas_common.errors import StartError
-from tigas_shaper.link.commands import MARK, Channel, CommandError, Interface, attempt
+from tigas_shaper.link.commands import MARK, Channel, CommandError, Interface, try_run
 from tigas_shaper.link.link import DOWN_DEVICE, UP_DEVICE
 
 TABLE = "tigas_shaper"
@@ -62,9 +62,9 @@ class Gateway:
     async def open(cls, access: Interface, service: Interface, forwards: Sequence[Forward]) -> AsyncIterator[Gateway]:
         """A closed gateway, as a context manager. Raises StartError and CommandError."""
         async with AsyncExitStack() as stack:
-            stack.enter_context(_forwarding())
+            stack.enter_context(_enable_forwarding())
             nft = await stack.enter_async_context(Channel.open(("nft", "-i"), "Error:"))
-            nft.write(*rules(access, service, forwards))
+            nft.write(*make_rules(access, service, forwards))
             await nft.ask("list tables ip", f"table ip {TABLE}")
             yield cls(nft)
 
@@ -76,7 +76,7 @@ class Gateway:
         with suppress(CommandError):  # once the tool has ended, its table is gone and nothing is forwarded
             self._nft.write(f"add rule ip {TABLE} gate drop")
 
-    async def shut(self) -> None:
+    async def close(self) -> None:
         """Close the gate, and return once it is closed."""
         self.close_gate()
         with suppress(CommandError):
@@ -87,7 +87,7 @@ class Gateway:
         await self._nft.ask("list tables ip", f"table ip {TABLE}")
 
 
-def rules(access: Interface, service: Interface, forwards: Sequence[Forward]) -> list[str]:
+def make_rules(access: Interface, service: Interface, forwards: Sequence[Forward]) -> list[str]:
     """The table, as lines for `nft -i`."""
     table = f"ip {TABLE}"
     into = f'iifname "{access}" oifname "{service}"'
@@ -117,10 +117,10 @@ def rules(access: Interface, service: Interface, forwards: Sequence[Forward]) ->
 async def remove_leftovers(interfaces: Sequence[Interface]) -> None:
     """Remove what a killed shaper has left behind."""
     for interface in interfaces:
-        await attempt("tc", "qdisc", "del", "dev", interface, "clsact")
-        await attempt("tc", "qdisc", "del", "dev", interface, "root", "handle", "2:")
+        await try_run("tc", "qdisc", "del", "dev", interface, "clsact")
+        await try_run("tc", "qdisc", "del", "dev", interface, "root", "handle", "2:")
     for device in (DOWN_DEVICE, UP_DEVICE):
-        await attempt("ip", "link", "del", device)
+        await try_run("ip", "link", "del", device)
 
 
 @contextmanager
@@ -140,7 +140,7 @@ def shaper_lock() -> Iterator[None]:
 
 
 @contextmanager
-def _forwarding() -> Iterator[None]:
+def _enable_forwarding() -> Iterator[None]:
     """Make the kernel forward IPv4 packets during the context."""
     before = IP_FORWARD.read_text().strip()
     if before == "1":

@@ -22,7 +22,7 @@ from typing import Any
 
 from tigas_common.errors import TigasError
 from tigas_common.wire.shaper import Backend, LinkSetting
-from tigas_shaper.link.commands import MARKED, Channel, CommandError, Interface, attempt
+from tigas_shaper.link.commands import MATCH_MARKED, Channel, CommandError, Interface, try_run
 from tigas_shaper.link.delay import STAGES, DelayStage
 
 DOWN_DEVICE = Interface("tigas-down")
@@ -37,7 +37,7 @@ FULL_PACKET = 1514
 """Size of a full Ethernet packet, as tc counts it."""
 MIN_QUEUE = 8 * FULL_PACKET
 """Minimum size of a queue in bytes, as a slow link must still accept a burst of a few packets."""
-MOST_QUEUE = 2**32 - 1
+MAX_QUEUE = 2**32 - 1
 """Maximum size of a queue in bytes, a limit of tc."""
 LEAF_KBPS = 1e7
 LEAF_BURST = 2 * FULL_PACKET
@@ -55,7 +55,7 @@ class ShapedLink:
 
     def __init__(self, down: Direction, up: Direction, backend: Backend, on_close: Callable[[], None]) -> None:
         self.backend = backend
-        self.closed: str | None = None
+        self.closed_reason: str | None = None
         """Reason why the link is closed, in one sentence."""
         self._down = down
         self._up = up
@@ -93,25 +93,25 @@ class ShapedLink:
     def apply(self, state: LinkSetting, mean_kbps: tuple[float, float] | None = None) -> None:
         """Change the link now; `mean_kbps`, down and up, sizes its queues. Raises LinkClosed."""
         mean_down, mean_up = mean_kbps or (None, None)
-        with self._closing():
+        with self._close_on_error():
             self._down.shape(state, state.down_kbps, mean_down)
             self._up.shape(state, state.up_kbps, mean_up)
 
     async def counters(self) -> tuple[Counters, Counters]:
         """Counters of both directions, down first. Raises LinkClosed, also for errors since the last call."""
-        with self._closing():
+        with self._close_on_error():
             return await self._down.counters(), await self._up.counters()
 
     def close(self, reason: str) -> None:
-        if self.closed is None:
-            self.closed = reason
+        if self.closed_reason is None:
+            self.closed_reason = reason
             self._on_close()
 
     @contextmanager
-    def _closing(self) -> Iterator[None]:
+    def _close_on_error(self) -> Iterator[None]:
         """Close the link on a CommandError. Raises LinkClosed, also if it is already closed."""
-        if self.closed is not None:
-            raise LinkClosed(self.closed)
+        if self.closed_reason is not None:
+            raise LinkClosed(self.closed_reason)
         try:
             yield
         except CommandError as error:
@@ -160,13 +160,13 @@ class Direction:
                     rate_line("add", device, FLOOR_KBPS),
                     queue_line("add", device, MIN_QUEUE, LEAF_KBPS),
                     f"qdisc add dev {interface} clsact",
-                    f"filter add dev {interface} egress protocol ip prio 1 {MARKED} "
+                    f"filter add dev {interface} egress protocol ip prio 1 {MATCH_MARKED} "
                     f"action mirred egress redirect dev {device}",
                 )
                 await tc.ask(f"qdisc show dev {device}", "[")
                 yield cls(tc, device, interface, stage, queue_ms=queue_ms)
             finally:
-                await attempt("tc", "qdisc", "del", "dev", interface, "clsact")
+                await try_run("tc", "qdisc", "del", "dev", interface, "clsact")
 
     def shape(self, state: LinkSetting, rate_kbps: float, mean_kbps: float | None) -> None:
         """Apply a rate, and the state's delay, jitter and loss; the queue is sized for the mean rate if given."""
@@ -201,7 +201,7 @@ class Direction:
 
 def queue_bytes(rate_kbps: float, queue_ms: float) -> int:
     """Size of a queue that takes `queue_ms` to drain at this rate."""
-    return min(MOST_QUEUE, max(MIN_QUEUE, round(rate_kbps * queue_ms / 8)))
+    return min(MAX_QUEUE, max(MIN_QUEUE, round(rate_kbps * queue_ms / 8)))
 
 
 def rate_line(verb: str, device: Interface, rate_kbps: float) -> str:

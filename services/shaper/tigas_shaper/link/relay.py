@@ -27,9 +27,9 @@ CLONE_DEVICE = Path("/dev/net/tun")
 _TUNSETIFF = 0x400454CA
 _IFF_TAP_NO_PI = 0x0002 | 0x1000
 _LARGEST_FRAME = 65_536
-_MOST_AT_ONCE = 64
+_MAX_BATCH = 64
 """Number of packets to read before due ones are written."""
-MAX_HELD = 64 * 1024 * 1024
+MAX_HELD_BYTES = 64 * 1024 * 1024
 """Maximum number of bytes held; more is lost. Two seconds at 250 Mbit/s."""
 
 
@@ -65,10 +65,10 @@ class DelayLine:
         self._packets: deque[tuple[float, bytes]] = deque()
         self._held = 0
 
-    def enter(self, packet: bytes, now: float) -> None:
+    def push(self, packet: bytes, now: float) -> None:
         """Accept a packet, unless it is lost. `now` in seconds."""
         state = self.state
-        if (state.loss and self._uniform(0.0, 1.0) < state.loss) or self._held + len(packet) > MAX_HELD:
+        if (state.loss and self._uniform(0.0, 1.0) < state.loss) or self._held + len(packet) > MAX_HELD_BYTES:
             return
         due = now + state.delay_s
         if state.jitter_s:
@@ -78,7 +78,7 @@ class DelayLine:
         self._packets.append((due, packet))
         self._held += len(packet)
 
-    def leave(self, now: float) -> bytes | None:
+    def pop(self, now: float) -> bytes | None:
         """The next packet if it is due, or None."""
         if not self._packets or self._packets[0][0] > now:
             return None
@@ -118,9 +118,9 @@ def relay(tap: int, control: int) -> None:
             line.state = RelayState.unpack(data)
         if tap in ready:
             with suppress(BlockingIOError):
-                for _ in range(_MOST_AT_ONCE):
-                    line.enter(os.read(tap, _LARGEST_FRAME), time.monotonic())
-        while (packet := line.leave(time.monotonic())) is not None:
+                for _ in range(_MAX_BATCH):
+                    line.push(os.read(tap, _LARGEST_FRAME), time.monotonic())
+        while (packet := line.pop(time.monotonic())) is not None:
             with suppress(BlockingIOError):
                 os.write(tap, packet)
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from tigas_shaper.traces.fetch import Source
 
 DOWN, UP, OUTAGE = "#1f6f8b", "#d1813b", "#c0392b"
-FETCHED = Path("traces/fetched")
+FETCH_FOLDER = Path("traces/fetched")
 """Directory of downloaded traces, with a folder for each set."""
 
 
@@ -129,7 +129,7 @@ class Fetch(Command):
             raise TigasError(f"Unknown trace set {self.name!r}: choose one of {', '.join(known)}.")
         source = known[self.name]
         print(f"{source.title}\nlicence: {source.licence}\ncite: {source.cite}")
-        for path in _fetch_files(source, FETCHED / self.name):
+        for path in _fetch_files(source, FETCH_FOLDER / self.name):
             print(path)
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 
-from tigas_shaper.traces.text import DEFAULT_UP_KBPS, cells, lines, number, quoted
+from tigas_shaper.traces.text import DEFAULT_UP_KBPS, numbered_lines, parse_number, quote, split_cells
 from tigas_shaper.traces.trace import NetworkTrace, TraceBuilder, TraceError
 
 VALUES = {"down_kbps": 0.0, "up_kbps": DEFAULT_UP_KBPS, "delay_ms": 0.0, "jitter_ms": 0.0, "loss_pct": 0.0}
@@ -21,16 +21,16 @@ _TIME = re.compile(r"\d{1,15}", re.ASCII)
 
 def parse_csv(name: str, text: str, up_kbps: float = DEFAULT_UP_KBPS) -> NetworkTrace:
     """Parse a trace in this format; `up_kbps` is the default uplink. Raises TraceError."""
-    rows = lines(text)
+    rows = numbered_lines(text)
     first, header = next(rows)
-    columns = cells(first, header)
+    columns = split_cells(first, header)
     _check_header(first, columns)
     values = {**VALUES, "up_kbps": up_kbps}
     builder = TraceBuilder(name)
     start, lasts, pending = -1, ONLY_STEP_MS, 0  # `pending` is a line without an end yet
     changed = True
     for line, content in rows:
-        found = cells(line, content)
+        found = split_cells(line, content)
         if len(found) != len(columns):
             raise TraceError(f"Line {line}: {len(columns)} cells expected, not {len(found)}.")
         row = dict(zip(columns, found, strict=True))
@@ -41,7 +41,7 @@ def parse_csv(name: str, text: str, up_kbps: float = DEFAULT_UP_KBPS) -> Network
         changed = False
         for column, cell in row.items():
             if cell:
-                values[column] = number(cell, line, column)
+                values[column] = parse_number(cell, line, column)
                 changed = True
         if not pending and not row["down_kbps"]:
             raise TraceError(f"Line {line}: the first line must give down_kbps.")
@@ -72,14 +72,14 @@ def _check_header(line: int, columns: list[str]) -> None:
             raise TraceError(f"Line {line}: the header lacks {column}.")
     for column in columns:
         if column != "t_ms" and column not in VALUES:
-            raise TraceError(f"Line {line}: {quoted(column)} is not a column of a trace: t_ms, {', '.join(VALUES)}.")
+            raise TraceError(f"Line {line}: {quote(column)} is not a column of a trace: t_ms, {', '.join(VALUES)}.")
         if columns.count(column) > 1:
             raise TraceError(f"Line {line}: the header has {column} twice.")
 
 
 def _time(cell: str, line: int, before: int) -> int:
     if not _TIME.fullmatch(cell):
-        raise TraceError(f"Line {line}: t_ms must be whole milliseconds from 0, not {quoted(cell)}.")
+        raise TraceError(f"Line {line}: t_ms must be whole milliseconds from 0, not {quote(cell)}.")
     time = int(cell)
     if before < 0 and time != 0:
         raise TraceError(f"Line {line}: the first t_ms must be 0, not {time}.")

@@ -17,7 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from tigas_common.downloads import FetchError
 
-DAMAGED = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError)
+ARCHIVE_ERRORS = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError)
 MAX_BYTES = 1_000_000_000
 """Maximum size of a file; a server that never stops must not fill the disk."""
 MAX_UNPACKED_FILES = 10_000
@@ -83,7 +83,7 @@ def unpack(archive: Path) -> Path:
             folder.mkdir()
             content.extractall(folder)
             folder.replace(target)
-    except (*DAMAGED, NotImplementedError, RuntimeError, FileExistsError) as error:
+    except (*ARCHIVE_ERRORS, NotImplementedError, RuntimeError, FileExistsError) as error:
         raise FetchError(f"{archive.name} cannot be unpacked: {error}.") from None
     return target
 

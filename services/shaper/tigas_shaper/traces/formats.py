@@ -9,7 +9,7 @@ from pathlib import Path, PurePath
 from tigas_common.wire.shaper import TRACE_SUFFIXES
 from tigas_shaper.traces import importers
 from tigas_shaper.traces.csv_format import parse_csv
-from tigas_shaper.traces.text import DEFAULT_UP_KBPS, decode, lines, quoted, read_bounded
+from tigas_shaper.traces.text import DEFAULT_UP_KBPS, decode, numbered_lines, quote, read_bounded
 from tigas_shaper.traces.trace import NetworkTrace, TraceError
 
 FORMATS: dict[str, Callable[[str, str, float], NetworkTrace]] = {
@@ -38,12 +38,12 @@ def parse_trace(name: str, data: bytes, *, up_kbps: float = DEFAULT_UP_KBPS, for
     Too slow for an event loop: takes about ten seconds for a file of the maximum size, 64 MB.
     """
     text = decode(data)
-    return FORMATS[format or recognise(text)](name, text, up_kbps)
+    return FORMATS[format or detect_format(text)](name, text, up_kbps)
 
 
-def recognise(text: str) -> str:
+def detect_format(text: str) -> str:
     """Detect the format of a trace. Raises TraceError if it is unknown."""
-    line, first = next(lines(text)) if text.lstrip()[:1] not in ("[", "{") else (1, "[")
+    line, first = next(numbered_lines(text)) if text.lstrip()[:1] not in ("[", "{") else (1, "[")
     if first == "[":
         return "sabre"
     if "," in first:
@@ -55,12 +55,12 @@ def recognise(text: str) -> str:
         raise TraceError(f"Line {line}: a comma-separated trace has t_ms and down_kbps, or DL_bitrate, in its header.")
     words = first.split()
     if len(words) == 1:
-        return "mahimahi" if importers.holds_packet_times(text) else "plain"
+        return "mahimahi" if importers.is_packet_times(text) else "plain"
     if len(words) == 2:
         return "pensieve"
     if len(words) == 6:
         return "ghent-4g"
-    raise TraceError(f"Line {line}: {quoted(first)} is not the start of any trace format that TIGAS reads.")
+    raise TraceError(f"Line {line}: {quote(first)} is not the start of any trace format that TIGAS reads.")
 
 
 def trace_name(filename: str) -> str:

@@ -110,15 +110,15 @@ DSL = LinkModel(
 )
 
 
-def own_traces() -> tuple[NetworkTrace, ...]:
+def make_own_traces() -> tuple[NetworkTrace, ...]:
     teeth = [(200, 4_000 + 36_000 * step / 99) for step in range(100)]
     return (
-        _shape("constant", [(MINUTE_MS, 20_000)]),
-        _shape("step-down", [(30_000, 40_000), (30_000, 8_000)]),
-        _shape("step-up", [(30_000, 8_000), (30_000, 40_000)]),
-        _shape("cascade", [(10_000, rate) for rate in (40_000, 20_000, 10_000, 5_000, 10_000, 20_000)]),
-        _shape("sawtooth", teeth * 3),
-        _shape("outage", [(20_000, 20_000), (1_000, 0), (19_000, 20_000), (5_000, 0), (15_000, 20_000)]),
+        _make_trace("constant", [(MINUTE_MS, 20_000)]),
+        _make_trace("step-down", [(30_000, 40_000), (30_000, 8_000)]),
+        _make_trace("step-up", [(30_000, 8_000), (30_000, 40_000)]),
+        _make_trace("cascade", [(10_000, rate) for rate in (40_000, 20_000, 10_000, 5_000, 10_000, 20_000)]),
+        _make_trace("sawtooth", teeth * 3),
+        _make_trace("outage", [(20_000, 20_000), (1_000, 0), (19_000, 20_000), (5_000, 0), (15_000, 20_000)]),
         # Three minutes of a slow process may be far from typical: each seed is the first, counting from 1, with which
         # mean and variation are within 5 % of the recordings'.
         generate("4g-bus", BUS_4G, 3 * MINUTE_MS, seed=46),
@@ -132,7 +132,7 @@ def write_own_traces(directory: Path) -> list[Path]:
     """Write each trace as a CSV file named after it. Raises OSError."""
     directory.mkdir(parents=True, exist_ok=True)
     paths = []
-    for trace in own_traces():
+    for trace in make_own_traces():
         path = directory / f"{trace.name}.csv"
         path.write_text(format_csv(trace), encoding="utf-8", newline="\n")
         paths.append(path)
@@ -143,7 +143,7 @@ def generate(name: str, model: LinkModel, duration_ms: int, seed: int) -> Networ
     """Generate a trace of the model; equal arguments give equal traces on any machine."""
     random = Random(seed)
     step_s = model.step_ms / 1000
-    down, up = (_variation(model.variation, step_s, random) for _ in range(2))
+    down, up = (_make_process(model.variation, step_s, random) for _ in range(2))
     current = next(iter(model.regimes))
     times = tuple(range(0, duration_ms, model.step_ms))
     states = []
@@ -162,7 +162,7 @@ def generate(name: str, model: LinkModel, duration_ms: int, seed: int) -> Networ
     return NetworkTrace(name, times, tuple(states), duration_ms)
 
 
-def _shape(name: str, steps: list[tuple[int, float]]) -> NetworkTrace:
+def _make_trace(name: str, steps: list[tuple[int, float]]) -> NetworkTrace:
     """A trace of (duration in ms, kbit/s towards the client); an outage stops both directions."""
     times, time = [], 0
     for duration, _ in steps:
@@ -177,7 +177,7 @@ def _rate(mean: float, spread: float, z: float) -> int:
     return round(mean * (root * root) / (1 + spread * spread))
 
 
-def _variation(parts: tuple[tuple[float, float], ...], step_s: float, random: Random) -> Callable[[], float]:
+def _make_process(parts: tuple[tuple[float, float], ...], step_s: float, random: Random) -> Callable[[], float]:
     """A stationary process of unit variance, advanced by each call."""
     values = [_normal(random) for _ in parts]
 

@@ -12,7 +12,7 @@ from itertools import groupby, islice
 from statistics import fmean
 
 from tigas_common.wire.shaper import MAX_DURATION_MS
-from tigas_shaper.traces.text import cells, lines, number, quoted
+from tigas_shaper.traces.text import numbered_lines, parse_number, quote, split_cells
 from tigas_shaper.traces.trace import MAX_STEPS, NetworkTrace, TraceBuilder, TraceError
 
 MISSING = "-"
@@ -24,7 +24,7 @@ TYPICAL_GAP_MS = 100
 """Packet times are usually closer together than this, rates in kbit/s further apart."""
 SAMPLE = 10_000
 """Number of lines that suffice to decide."""
-FEW_FALLS = 0.1
+MAX_DECREASING_SHARE = 0.1
 """Share of downward changes that rates exceed and packet times do not. Above 0, so that faulty packet times are
 reported by line rather than treated as rates."""
 
@@ -38,12 +38,12 @@ def parse_ghent(name: str, text: str, up_kbps: float) -> NetworkTrace:
     """
     builder = TraceBuilder(name)
     before = 0.0
-    for line, content in lines(text):
+    for line, content in numbered_lines(text):
         cells = content.split()
         if len(cells) != 6:
             raise TraceError(f"Line {line}: a Ghent 4G log has 6 columns, not {len(cells)}.")
-        elapsed = number(cells[1], line, "the time since the start")
-        received, interval = number(cells[4], line, "the bytes"), number(cells[5], line, "the interval")
+        elapsed = parse_number(cells[1], line, "the time since the start")
+        received, interval = parse_number(cells[4], line, "the bytes"), parse_number(cells[5], line, "the interval")
         if elapsed < before:
             raise TraceError(f"Line {line}: time must not go back, but {elapsed:g} ms comes after {before:g} ms.")
         if interval == 0:
@@ -61,11 +61,11 @@ def parse_pensieve(name: str, text: str, up_kbps: float) -> NetworkTrace:
     """
     builder = TraceBuilder(name)
     before: float | None = None
-    for line, content in lines(text):
+    for line, content in numbered_lines(text):
         cells = content.split()
         if len(cells) != 2:
             raise TraceError(f"Line {line}: two columns are expected, seconds and Mbit/s, not {len(cells)}.")
-        seconds, mbps = number(cells[0], line, "the time"), number(cells[1], line, "the rate")
+        seconds, mbps = parse_number(cells[0], line, "the time"), parse_number(cells[1], line, "the rate")
         if before is not None:
             if seconds <= before:
                 raise TraceError(f"Line {line}: time must increase, but {seconds:g} s comes after {before:g} s.")
@@ -118,7 +118,7 @@ def parse_mahimahi(name: str, text: str, up_kbps: float) -> NetworkTrace:
     return builder.build()
 
 
-def holds_packet_times(text: str) -> bool:
+def is_packet_times(text: str) -> bool:
     """Whether the numbers are Mahimahi's milliseconds: whole, hardly ever decreasing, and mostly close together."""
     near = far = falls = 0
     before = 0.0
@@ -132,15 +132,15 @@ def holds_packet_times(text: str) -> bool:
             else:
                 far += 1
         before = value
-    return near >= far and near + far > 0 and falls <= FEW_FALLS * (near + far)
+    return near >= far and near + far > 0 and falls <= MAX_DECREASING_SHARE * (near + far)
 
 
 def _column(text: str) -> Iterator[tuple[int, float]]:
     """Line number and value of each line."""
-    for line, content in lines(text):
+    for line, content in numbered_lines(text):
         # Fast path for plain digits, as a 5G link passes a hundred thousand packets per second.
         quick = len(content) < 16 and content.isascii() and content.isdigit()
-        yield line, float(content) if quick else number(content, line, "each line of this file")
+        yield line, float(content) if quick else parse_number(content, line, "each line of this file")
 
 
 def parse_irish(name: str, text: str, up_kbps: float) -> NetworkTrace:
@@ -169,15 +169,15 @@ def parse_irish(name: str, text: str, up_kbps: float) -> NetworkTrace:
 
 def _rows(text: str) -> Iterator[tuple[int, datetime, float | None]]:
     """Line, time and DL_bitrate of each row."""
-    rows = lines(text)
+    rows = numbered_lines(text)
     first, header = next(rows)
-    columns = cells(first, header)
+    columns = split_cells(first, header)
     for column in ("Timestamp", "DL_bitrate"):
         if column not in columns:
             raise TraceError(f"Line {first}: the header lacks {column}.")
     before = datetime.min
     for line, content in rows:
-        found = cells(line, content)
+        found = split_cells(line, content)
         if len(found) < len(columns):
             raise TraceError(f"Line {line}: {len(columns)} cells expected, not {len(found)}.")
         row = dict(zip(columns, found, strict=False))
@@ -185,12 +185,12 @@ def _rows(text: str) -> Iterator[tuple[int, datetime, float | None]]:
             stamp = datetime.strptime(row["Timestamp"], "%Y.%m.%d_%H.%M.%S")
         except ValueError:
             form = "must look like 2019.12.16_14.23.32, but it is"
-            raise TraceError(f"Line {line}: Timestamp {form} {quoted(row['Timestamp'])}.") from None
+            raise TraceError(f"Line {line}: Timestamp {form} {quote(row['Timestamp'])}.") from None
         if stamp < before:
             raise TraceError(f"Line {line}: time must not go back, but {row['Timestamp']} comes after a later one.")
         before = stamp
         rate = row["DL_bitrate"]
-        yield line, stamp, None if rate == MISSING else number(rate, line, "DL_bitrate")
+        yield line, stamp, None if rate == MISSING else parse_number(rate, line, "DL_bitrate")
 
 
 _BEGIN = re.compile(r"\s*\[\s*")

@@ -32,7 +32,7 @@ class TraceLibrary:
 
     def summaries(self) -> list[TraceSummary]:
         """All traces, by name; the directory is searched anew."""
-        found = {name: summary(trace, uploaded=True) for name, trace in list(self._uploads.items())}
+        found = {name: summarise(trace, uploaded=True) for name, trace in list(self._uploads.items())}
         for path in self._paths():
             name = trace_name(path.name)
             if name not in found:
@@ -40,7 +40,7 @@ class TraceLibrary:
                 found[name] = (
                     TraceSummary(name=name, uploaded=False, error=trace.detail)
                     if isinstance(trace, TraceError)
-                    else summary(trace, uploaded=False)
+                    else summarise(trace, uploaded=False)
                 )
         return [found[name] for name in sorted(found)]
 
@@ -89,7 +89,7 @@ class TraceLibrary:
         return trace
 
 
-def summary(trace: NetworkTrace, *, uploaded: bool) -> TraceSummary:
+def summarise(trace: NetworkTrace, *, uploaded: bool) -> TraceSummary:
     return TraceSummary(
         name=trace.name,
         uploaded=uploaded,
@@ -103,7 +103,7 @@ def summary(trace: NetworkTrace, *, uploaded: bool) -> TraceSummary:
     )
 
 
-def points(trace: NetworkTrace) -> TracePoints:
+def trace_outline(trace: NetworkTrace) -> TracePoints:
     """A trace's outline: unchanged if it is short, otherwise means over equal intervals."""
     times: Sequence[float] = trace.times_ms
     down: Sequence[float] = trace.down_kbps

@@ -33,7 +33,7 @@ def read_bounded(path: Path) -> bytes:
     with open_regular(path) as file:
         data = file.read(MAX_BYTES + 1)
     if len(data) > MAX_BYTES:
-        raise _too_large()
+        raise _size_error()
     return data
 
 
@@ -46,7 +46,7 @@ def decode(data: bytes) -> str:
         except (OSError, EOFError, zlib.error):
             raise TraceError("The gzip file is damaged or cut short.") from None
     if len(data) > MAX_BYTES:
-        raise _too_large()
+        raise _size_error()
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -58,7 +58,7 @@ def decode(data: bytes) -> str:
     return text
 
 
-def lines(text: str) -> Iterator[tuple[int, str]]:
+def numbered_lines(text: str) -> Iterator[tuple[int, str]]:
     """Number and content of each non-blank line."""
     for line, content in enumerate(io.StringIO(text, newline=None), 1):
         if len(content) > MAX_LINE:
@@ -68,30 +68,30 @@ def lines(text: str) -> Iterator[tuple[int, str]]:
             yield line, stripped
 
 
-def cells(line: int, content: str) -> list[str]:
+def split_cells(line: int, content: str) -> list[str]:
     try:
         return [cell.strip() for cell in next(csv.reader([content], strict=True))]
     except csv.Error:
         raise TraceError(f"Line {line}: the quotes do not match.") from None
 
 
-def quoted(cell: str) -> str:
+def quote(cell: str) -> str:
     """A cell in quotes, truncated, for a message."""
     return repr(cell if len(cell) <= 30 else cell[:29] + "…")
 
 
-def number(cell: str, line: int, what: str) -> float:
+def parse_number(cell: str, line: int, what: str) -> float:
     """Parse a cell as a finite, non-negative number in plain decimal notation: not NaN, 1_000 or non-ASCII digits."""
     cell = cell.strip()
     if len(cell) > 40 or not _NUMBER.fullmatch(cell):
-        raise TraceError(f"Line {line}: {what} must be a number, not {quoted(cell)}.")
+        raise TraceError(f"Line {line}: {what} must be a number, not {quote(cell)}.")
     value = float(cell)
     if not math.isfinite(value):
-        raise TraceError(f"Line {line}: {what} is too large: {quoted(cell)}.")
+        raise TraceError(f"Line {line}: {what} is too large: {quote(cell)}.")
     if value < 0:
-        raise TraceError(f"Line {line}: {what} must not be negative, but is {quoted(cell)}.")
+        raise TraceError(f"Line {line}: {what} must not be negative, but is {quote(cell)}.")
     return value
 
 
-def _too_large() -> TraceError:
+def _size_error() -> TraceError:
     return TraceError(f"The file is larger than {MAX_BYTES // 1_000_000} MB, too large for a network trace.")

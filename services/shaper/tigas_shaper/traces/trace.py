@@ -62,7 +62,7 @@ class NetworkTrace:
         if self.duration_ms > MAX_DURATION_MS:
             raise TraceError(f"A trace may last 30 days; this one ends at {self.duration_ms} ms.")
 
-    def at(self, t_ms: float) -> LinkSetting:
+    def state_at(self, t_ms: float) -> LinkSetting:
         """The state `t_ms` after the start of playback; at its end the trace starts over."""
         return self.states[bisect_right(self.times_ms, t_ms % self.duration_ms) - 1]
 
@@ -92,7 +92,7 @@ class NetworkTrace:
             if len(times) == MAX_STEPS:
                 raise TraceError(f"A trace may have {MAX_STEPS:,} steps; the two together have more.")
             times.append(time)
-            states.append(replace(self.at(time), up_kbps=up.at(time).down_kbps))
+            states.append(replace(self.state_at(time), up_kbps=up.state_at(time).down_kbps))
             time = int(min(self.next_change(time), up.next_change(time)))
         return replace(self, times_ms=tuple(times), states=tuple(states))
 
