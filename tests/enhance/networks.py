@@ -8,7 +8,7 @@ import torch
 
 from tigas_common.weights import GENERAL, Weights
 from tigas_common.wire.render import DEFAULT_LADDER as LADDER
-from tigas_enhance.network import Network, described, rounded, to_tensors
+from tigas_enhance.network import Network, describe_network, round_to_half, to_tensors
 
 __all__ = ["LADDER", "random_networks", "weights_file"]
 
@@ -26,11 +26,11 @@ def random_networks(
                 torch.nn.init.normal_(parameter, std=0.05)
             elif name == last:
                 torch.nn.init.normal_(parameter, std=0.2 / (9 * channels) ** 0.5)
-    return {rung: rounded(network) for rung, network in networks.items()}
+    return {rung: round_to_half(network) for rung, network in networks.items()}
 
 
 def weights_file(networks: Mapping[int, Network], scene_sha256: str = GENERAL) -> bytes:
     """Their file, as if trained for the default ladder and that scene."""
-    infos = tuple(described(network, rung, LADDER[rung], 1.0) for rung, network in networks.items())
+    infos = tuple(describe_network(network, rung, LADDER[rung], 1.0) for rung, network in networks.items())
     tensors = {name: each for rung, network in networks.items() for name, each in to_tensors(rung, network).items()}
     return Weights(scene_sha256, infos, tensors, "2026-11-22T12:00:00Z", "0.2.0").to_bytes()

@@ -19,7 +19,7 @@ from tigas_common.pose import Pose
 from tigas_common.render_requests import run_render_service
 from tigas_common.sample_cameras import NEAR, NEAR_DEGREES
 from tigas_common.wire.render import SceneInfo, StartCamera
-from tigas_enhance.pairs import MOST_HELD_OUT, held_out_views, training_views
+from tigas_enhance.pairs import MAX_HELD_OUT, held_out_views, training_views
 
 
 def scene(up: tuple[float, float, float] = (0.0, -1.0, 0.0), **changes: Any) -> SceneInfo:
@@ -37,7 +37,7 @@ def angle(one: Pose, other: Pose) -> float:
 
 
 def test_no_training_view_is_a_neighbour_of_a_held_out_one() -> None:
-    held_out = held_out_views(scene(), MOST_HELD_OUT)
+    held_out = held_out_views(scene(), MAX_HELD_OUT)
     training = list(islice(training_views(scene()), 300))
     assert all(
         math.dist(one.position, other.position) >= 10 * NEAR or angle(one, other) >= NEAR_DEGREES

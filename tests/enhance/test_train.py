@@ -15,11 +15,11 @@ from tests.enhance.networks import random_networks, weights_file
 from tests.enhance.synthetic import pair
 from tigas_common.weights import parse_weights
 from tigas_common.wire.render import DEFAULT_LADDER, Rung
-from tigas_enhance.evaluate import gains
-from tigas_enhance.network import Network, enlarged, resampled, shown, to_network
-from tigas_enhance.pairs import NothingToLearn
-from tigas_enhance.train import Crops, Recipe, Variation, train
-from tigas_enhance.tuning import gaining, training_rungs
+from tigas_enhance.evaluate import psnr_gains
+from tigas_enhance.network import Network, enhance, resample, to_network, upsample_bilinear
+from tigas_enhance.pairs import NoTrainingData
+from tigas_enhance.train import Augmentation, Crops, Recipe, train
+from tigas_enhance.tuning import drop_useless_networks, training_rungs
 
 CPU = torch.device("cpu")
 STEPS = 60
@@ -47,11 +47,11 @@ def test_a_few_steps_beat_bicubic_enlargement(rung: int, scale: int, varied: boo
         CPU,
         told.append,
         clock=lambda: float(next(ticks)),
-        varied=varied,
+        augment=varied,
     )
     assert len(told) == STEPS
     assert told[-1] == 1
-    assert gains([pair(seed) for seed in range(100, 104)], rung, network, CPU).min() > 0
+    assert psnr_gains([pair(seed) for seed in range(100, 104)], rung, network, CPU).min() > 0
 
 
 @pytest.mark.slow
@@ -62,11 +62,11 @@ def test_crops_lie_where_the_whole_picture_has_them(rung: int, scale: int) -> No
     recipe = Recipe(scale, layers=3, channels=8, batch=6)
     network = Network(scale, 3, 8)
     crops = Crops(pairs, rung, recipe, CPU)
-    low, place, target = crops.draw()
-    shown = place(network.inner(low))
+    low, place, target = crops.sample()
+    shown = place(network.forward_valid(low))
     wholes = [torch.from_numpy(each.rungs[rung].copy()).permute(2, 0, 1)[None].float() / 255 for each in pairs]
     height, width = pairs[0].full.shape[:2]
-    enlarged = [resampled(network(whole), width, height)[0] for whole in wholes]
+    enlarged = [resample(network(whole), width, height)[0] for whole in wholes]
     truths = [torch.from_numpy(each.full).permute(2, 0, 1).float() / 255 for each in pairs]
     for crop, truth in zip(shown, target, strict=True):
         assert any(_found(crop, truth, a, b) for a, b in zip(enlarged, truths, strict=True))
@@ -83,28 +83,28 @@ def _found(crop: torch.Tensor, truth: torch.Tensor, enlarged: torch.Tensor, whol
 def test_varied_pictures_are_the_same_picture_in_another_way() -> None:
     torch.manual_seed(0)
     pictures = torch.rand(4, 3, 8, 6)
-    variations = [Variation.random(len(pictures), CPU) for _ in range(20)]
+    variations = [Augmentation.random(len(pictures), CPU) for _ in range(20)]
     for variation in variations:
-        assert torch.equal(variation.turned_back(variation.turned(pictures)), pictures)
-        coloured = variation.coloured(pictures)
+        assert torch.equal(variation.unflip(variation.flip(pictures)), pictures)
+        coloured = variation.jitter_colours(pictures)
         assert 0 <= coloured.min() < coloured.max() <= 1
-        assert torch.allclose(variation.coloured(variation.turned(pictures)), variation.turned(coloured))
-    assert len({tuple(variation.turned(pictures)[0, 0, 0, :6].tolist()) for variation in variations}) == 8
+        assert torch.allclose(variation.jitter_colours(variation.flip(pictures)), variation.flip(coloured))
+    assert len({tuple(variation.flip(pictures)[0, 0, 0, :6].tolist()) for variation in variations}) == 8
 
 
 def test_a_rung_that_is_too_small_is_named() -> None:
     tiny = pair(0)
     tiny.rungs[2] = tiny.rungs[2][:12]
-    with pytest.raises(NothingToLearn, match="12 pixels is too small"):
+    with pytest.raises(NoTrainingData, match="12 pixels is too small"):
         train([tiny], 2, Recipe(batch=2), 1, CPU, lambda done: None)
 
 
 def test_networks_that_make_nothing_better_are_left_out() -> None:
     worse = NETWORK.model_copy(update={"rung": 3, "gain_db": -0.1})
-    kept = parse_weights(gaining(made(NETWORK, worse)).to_bytes())
+    kept = parse_weights(drop_useless_networks(made(NETWORK, worse)).to_bytes())
     assert kept.networks == (NETWORK,)
-    with pytest.raises(NothingToLearn, match="--seconds"):
-        gaining(made(worse))
+    with pytest.raises(NoTrainingData, match="--seconds"):
+        drop_useless_networks(made(worse))
 
 
 def test_a_network_is_the_same_after_it_was_written_and_read() -> None:
@@ -122,14 +122,14 @@ def test_rungs_that_serve_the_most_are_trained(heights: tuple[int, ...], rungs: 
     assert training_rungs(DEFAULT_LADDER) == (1, 2, 3)
     named = [Rung(name=f"{i}", width=640, height=h, quality=50, expected_kb=9) for i, h in enumerate(heights)]
     assert training_rungs(named) == rungs
-    with pytest.raises(NothingToLearn, match="only one rung"):
+    with pytest.raises(NoTrainingData, match="only one rung"):
         training_rungs(named[:1])
 
 
 @pytest.mark.parametrize("scale", [1, 2])
 def test_an_untrained_network_enlarges_bilinearly(scale: int) -> None:
     pictures = torch.rand(2, 3, 9, 16)
-    assert torch.equal(Network(scale, channels=8)(pictures), enlarged(pictures, scale))
+    assert torch.equal(Network(scale, channels=8)(pictures), upsample_bilinear(pictures, scale))
 
 
 def test_an_edge_is_replicated_before_every_convolution() -> None:
@@ -146,14 +146,14 @@ def test_an_edge_is_replicated_before_every_convolution() -> None:
 def test_pictures_are_resampled_as_pillow_does_it(size: tuple[int, int]) -> None:
     random = np.random.default_rng(1).random((36, 48), dtype=np.float32)
     expected = np.asarray(Image.fromarray(random).resize(size, Image.Resampling.BICUBIC))
-    outcome = resampled(torch.from_numpy(random)[None, None], *size)[0, 0]
+    outcome = resample(torch.from_numpy(random)[None, None], *size)[0, 0]
     assert np.abs(outcome.numpy() - expected).max() < 1e-5
 
 
 def test_an_enhanced_picture_has_the_size_and_values_of_a_display() -> None:
     network = Network(2, channels=8)
     torch.nn.init.normal_(network.convolutions[-1].weight, std=1.0)  # type: ignore[arg-type]
-    picture = shown(network, torch.rand(1, 3, 18, 32), 48, 27)
+    picture = enhance(network, torch.rand(1, 3, 18, 32), 48, 27)
     assert picture.shape == (1, 3, 27, 48)
     assert picture.min() >= 0
     assert picture.max() <= 1
@@ -165,6 +165,6 @@ def test_what_is_learnt_on_crops_is_what_the_network_gives_inside(scale: int) ->
     network = Network(scale, layers=4, channels=8)
     torch.nn.init.normal_(network.convolutions[-1].weight, std=0.02)  # type: ignore[arg-type]
     pictures = 0.4 + 0.2 * torch.rand(2, 3, 20, 24)
-    whole, inner = network(pictures), network.inner(pictures)
+    whole, inner = network(pictures), network.forward_valid(pictures)
     cut = 4 * scale
     assert torch.allclose(inner, whole[..., cut:-cut, cut:-cut], atol=1e-6)

@@ -34,7 +34,7 @@ class _EnhanceCommand(Command):
     device: Annotated[str, Metavar("auto|cpu|cuda[:N]")] = "auto"
     """Device for computation, and for rendering if a service is started."""
 
-    def _file(self, name: str | None) -> Path:
+    def _weights_path(self, name: str | None) -> Path:
         """Path of a scene's weights: next to its file, in the render service's models directory."""
         from tigas_common.weights import FILE
 
@@ -67,7 +67,7 @@ class _EnhanceCommand(Command):
 
         with ExitStack() as stack:
             started = run_render_service(self.device, ladder="scene" if own_ladders else "paper")
-            yield stack.enter_context(Renderer.at(self.render or stack.enter_context(started)))
+            yield stack.enter_context(Renderer.connect(self.render or stack.enter_context(started)))
 
 
 class Train(_EnhanceCommand):
@@ -92,11 +92,11 @@ class Train(_EnhanceCommand):
             sets = [self.names] if self.general else [[name] for name in self.names]
             if self.out is not None and len(sets) > 1:
                 raise StartError("--out needs a single set: give one scene, or --general.")
-            files = [self.out or self._file(None if self.general else each[0]) for each in sets]
+            files = [self.out or self._weights_path(None if self.general else each[0]) for each in sets]
             where = self._device()
             with self._renderer(own_ladders=not self.general) as renderer:
                 for each, file in zip(sets, files, strict=True):
-                    with _listening(self.json_) as listener:
+                    with _progress_listener(self.json_) as listener:
                         weights = tune(
                             renderer, each, self.seconds or SECONDS[where.type], where, listener, general=self.general
                         )
@@ -117,11 +117,11 @@ class Evaluate(_EnhanceCommand):
         from rich.table import Table
 
         from tigas_common.weights import read_weights
-        from tigas_enhance.evaluate import interval, scores
+        from tigas_enhance.evaluate import compute_scores, confidence_interval
         from tigas_enhance.network import to_network
         from tigas_enhance.pairs import ScenePairs
 
-        read = read_weights(self.weights or self._file(self.name))
+        read = read_weights(self.weights or self._weights_path(self.name))
         where = self._device()
         with self._renderer() as renderer:
             scene = renderer.load(self.name)
@@ -132,10 +132,10 @@ class Evaluate(_EnhanceCommand):
             pairs = ScenePairs(renderer, scene, ladder, tuple(networks)).held_out(EVALUATED_VIEWS)
         table = Table("rung", "bicubic", "enhanced", "gain, dB", "95 %", "SSIM", box=None)
         for rung, network in networks.items():
-            plain = scores(pairs, rung, None, where)
-            better = scores(pairs, rung, to_network(network, read), where)
+            plain = compute_scores(pairs, rung, None, where)
+            better = compute_scores(pairs, rung, to_network(network, read), where)
             gains = better.psnr - plain.psnr
-            low, high = interval(gains)
+            low, high = confidence_interval(gains)
             table.add_row(
                 f"{rung}  {ladder[rung].width} × {ladder[rung].height}",
                 f"{plain.psnr.mean():.2f} dB",
@@ -153,7 +153,7 @@ enhance = Group(
 
 
 @contextmanager
-def _listening(as_json: bool) -> Iterator[Listener]:
+def _progress_listener(as_json: bool) -> Iterator[Listener]:
     """Report progress with a bar, or with a line of JSON per percent."""
     if as_json:
         said = -1.0

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
-from tigas_enhance.network import Network, resampled, shown
+from tigas_enhance.network import Network, enhance, resample
 from tigas_enhance.pairs import Pair
 from tigas_enhance.renderer import Pixels
 
@@ -28,28 +28,28 @@ class Scores:
 
 
 @torch.no_grad()
-def scores(pairs: Sequence[Pair], rung: int, network: Network | None, device: torch.device) -> Scores:
+def compute_scores(pairs: Sequence[Pair], rung: int, network: Network | None, device: torch.device) -> Scores:
     """Scores of a rung's frames at display size: enhanced or, without a network, enlarged bicubically."""
     network = network and network.to(device)
     psnr, ssim = [], []
     for pair in pairs:
         height, width = pair.content.shape
-        low, truth = _picture(pair.rungs[rung], device), _picture(pair.full, device)
-        outcome = resampled(low, width, height).clamp(0, 1) if network is None else shown(network, low, width, height)
+        low, truth = _to_batch(pair.rungs[rung], device), _to_batch(pair.full, device)
+        outcome = resample(low, width, height).clamp(0, 1) if network is None else enhance(network, low, width, height)
         outcome = (outcome * 255).round() / 255
         content = torch.from_numpy(pair.content).to(device)
         error = (outcome - truth)[0, :, content].square().mean().clamp_min(1e-10)
         psnr.append(-10 * float(error.log10()))
-        ssim.append(float(_similarity(outcome, truth)[0, 0][content].mean()))
+        ssim.append(float(_ssim_map(outcome, truth)[0, 0][content].mean()))
     return Scores(np.array(psnr), np.array(ssim))
 
 
-def gains(pairs: Sequence[Pair], rung: int, network: Network, device: torch.device) -> NDArray[np.float64]:
+def psnr_gains(pairs: Sequence[Pair], rung: int, network: Network, device: torch.device) -> NDArray[np.float64]:
     """Gain in PSNR over bicubic enlargement, in dB, for each view [N]."""
-    return scores(pairs, rung, network, device).psnr - scores(pairs, rung, None, device).psnr
+    return compute_scores(pairs, rung, network, device).psnr - compute_scores(pairs, rung, None, device).psnr
 
 
-def interval(gains: NDArray[np.float64]) -> tuple[float, float]:
+def confidence_interval(gains: NDArray[np.float64]) -> tuple[float, float]:
     """95 % confidence interval of the mean of gains [N], bootstrapped over views."""
     random = np.random.default_rng(0)
     means = gains[random.integers(len(gains), size=(RESAMPLES, len(gains)))].mean(axis=1)
@@ -57,11 +57,11 @@ def interval(gains: NDArray[np.float64]) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def _picture(pixels: Pixels, device: torch.device) -> Tensor:
+def _to_batch(pixels: Pixels, device: torch.device) -> Tensor:
     return torch.from_numpy(pixels.copy()).to(device).permute(2, 0, 1)[None].float() / 255
 
 
-def _similarity(a: Tensor, b: Tensor) -> Tensor:
+def _ssim_map(a: Tensor, b: Tensor) -> Tensor:
     """SSIM map [B, 1, H, W] of luma, with a Gaussian window of 11 pixels and σ = 1.5 (Wang et al., TIP 13, 2004)."""
     at = torch.arange(-5, 6, device=a.device) / 1.5
     line = torch.exp(-at.square() / 2)

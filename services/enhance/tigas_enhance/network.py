@@ -40,52 +40,52 @@ class Network(nn.Module):
         """Enhance pictures [B, 3, H, W] of sRGB-coded values from 0 to 1; the result is `scale` times as large."""
         features = pictures
         for index in range(self.layers):
-            features = self._convolved(index, functional.pad(features, (1, 1, 1, 1), mode="replicate"))
-        return self._added(features, pictures).clamp(0, 1)
+            features = self._convolve(index, functional.pad(features, (1, 1, 1, 1), mode="replicate"))
+        return self._add_skip(features, pictures).clamp(0, 1)
 
-    def inner(self, pictures: Tensor) -> Tensor:
+    def forward_valid(self, pictures: Tensor) -> Tensor:
         """Output without the outermost `layers` pixels, so that it does not depend on the surroundings.
 
         Values are not clipped to 0 to 1, as clipping would stop gradients.
         """
         features = pictures
         for index in range(self.layers):
-            features = self._convolved(index, features)
-        return self._added(features, pictures)
+            features = self._convolve(index, features)
+        return self._add_skip(features, pictures)
 
-    def _convolved(self, index: int, features: Tensor) -> Tensor:
+    def _convolve(self, index: int, features: Tensor) -> Tensor:
         outcome: Tensor = self.convolutions[index](features)
         return outcome if index == self.layers - 1 else functional.leaky_relu(outcome, NEGATIVE_SLOPE)
 
-    def _added(self, features: Tensor, pictures: Tensor) -> Tensor:
+    def _add_skip(self, features: Tensor, pictures: Tensor) -> Tensor:
         residual = functional.pixel_shuffle(features, self.scale)
         cut = (pictures.shape[-1] * self.scale - residual.shape[-1]) // 2
-        skip = enlarged(pictures, self.scale)
+        skip = upsample_bilinear(pictures, self.scale)
         return residual + (skip[..., cut:-cut, cut:-cut] if cut else skip)
 
 
-def enlarged(pictures: Tensor, scale: int) -> Tensor:
+def upsample_bilinear(pictures: Tensor, scale: int) -> Tensor:
     """Enlarge pictures [B, C, H, W] bilinearly by `scale`."""
     if scale == 1:
         return pictures
     return functional.interpolate(pictures, scale_factor=float(scale), mode="bilinear", align_corners=False)
 
 
-def resampled(pictures: Tensor, width: int, height: int) -> Tensor:
+def resample(pictures: Tensor, width: int, height: int) -> Tensor:
     """Resample pictures [B, C, H, W] with Catmull-Rom's bicubic filter, widened when reducing, as Pillow does."""
     if pictures.shape[-2:] == (height, width):
         return pictures
     return functional.interpolate(pictures, (height, width), mode="bicubic", align_corners=False, antialias=True)
 
 
-def shown(network: Network, pictures: Tensor, width: int, height: int) -> Tensor:
+def enhance(network: Network, pictures: Tensor, width: int, height: int) -> Tensor:
     """Enhance a rung's pictures [B, 3, H, W] and resample them to the size at which they are displayed."""
     enhanced = network(pictures)
-    result: Tensor = torch.clamp(resampled(enhanced, width, height), 0, 1)
+    result: Tensor = torch.clamp(resample(enhanced, width, height), 0, 1)
     return result
 
 
-def rounded(network: Network) -> Network:
+def round_to_half(network: Network) -> Network:
     """The network with its weights rounded to 16-bit floats, as stored in a file."""
     return network.half().float()
 
@@ -93,12 +93,12 @@ def rounded(network: Network) -> Network:
 def to_tensors(rung: int, network: Network) -> dict[str, NDArray[np.float16]]:
     """A network's weights, keyed by their names in a file."""
     return {
-        _name_in_file(rung, name): value.detach().cpu().contiguous().half().numpy()
+        _tensor_name(rung, name): value.detach().cpu().contiguous().half().numpy()
         for name, value in network.state_dict().items()
     }
 
 
-def described(network: Network, number: int, rung: Rung, gain_db: float) -> NetworkInfo:
+def describe_network(network: Network, number: int, rung: Rung, gain_db: float) -> NetworkInfo:
     """Description of a rung's network for a file; gain_db: on held-out views."""
     return NetworkInfo(
         rung=number,
@@ -116,12 +116,12 @@ def to_network(info: NetworkInfo, weights: Weights) -> Network:
     """Create a network from a file's weights."""
     network = Network(info.scale, info.layers, info.channels)
     state = {
-        name: torch.from_numpy(weights.tensors[_name_in_file(info.rung, name)].astype(np.float32))
+        name: torch.from_numpy(weights.tensors[_tensor_name(info.rung, name)].astype(np.float32))
         for name in network.state_dict()
     }
     network.load_state_dict(state)
     return network
 
 
-def _name_in_file(rung: int, name: str) -> str:
+def _tensor_name(rung: int, name: str) -> str:
     return f"rung{rung}.{name.replace('convolutions.', 'conv')}"

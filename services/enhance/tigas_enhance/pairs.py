@@ -27,15 +27,15 @@ WORKERS = 3
 """Number of views rendered at a time."""
 POSES_PER_VIEW = 4
 """Maximum number of poses tried for a view that is not empty."""
-LEAST_CONTENT = 0.04
+MIN_CONTENT = 0.04
 """Minimum share of a view's pixels that show something other than the background."""
-LEAST_VIEWS = 4
+MIN_VIEWS = 4
 """Number of views rendered even if the time is up."""
-MOST_HELD_OUT = 96
+MAX_HELD_OUT = 96
 """Maximum number of views for testing."""
 
 
-class NothingToLearn(StartError):
+class NoTrainingData(StartError):
     """All views of the scene are empty, or the ladder has no rung below the best."""
 
 
@@ -53,7 +53,7 @@ class Pair:
 
 @dataclass(frozen=True, slots=True)
 class ScenePairs:
-    """Pairs of a scene at some rungs of its ladder. Methods raise as those of Renderer, and NothingToLearn."""
+    """Pairs of a scene at some rungs of its ladder. Methods raise as those of Renderer, and NoTrainingData."""
 
     renderer: Renderer
     scene: SceneInfo
@@ -62,46 +62,46 @@ class ScenePairs:
 
     def training(self, number: int, until: float) -> list[Pair]:
         """Up to `number` views, or as many as can be rendered until a time on the monotonic clock."""
-        return self._several(islice(training_views(self.scene), POSES_PER_VIEW * number), number, until)
+        return self._collect(islice(training_views(self.scene), POSES_PER_VIEW * number), number, until)
 
     def held_out(self, number: int) -> list[Pair]:
         """Views that are never used for training."""
-        return self._several(held_out_views(self.scene, POSES_PER_VIEW * number), number, float("inf"))
+        return self._collect(held_out_views(self.scene, POSES_PER_VIEW * number), number, float("inf"))
 
-    def _several(self, poses: Iterable[Pose], number: int, until: float) -> list[Pair]:
+    def _collect(self, poses: Iterable[Pose], number: int, until: float) -> list[Pair]:
         found: list[Pair] = []
-        for pair in self._rendered(iter(poses)):
+        for pair in self._render_pairs(iter(poses)):
             found.append(pair)
-            if len(found) >= number or (len(found) >= LEAST_VIEWS and time.monotonic() > until):
+            if len(found) >= number or (len(found) >= MIN_VIEWS and time.monotonic() > until):
                 break
         if not found:
-            raise NothingToLearn("All views of the scene are empty.")
+            raise NoTrainingData("All views of the scene are empty.")
         return found
 
-    def _rendered(self, poses: Iterator[Pose]) -> Iterator[Pair]:
+    def _render_pairs(self, poses: Iterator[Pose]) -> Iterator[Pair]:
         """The views that are not empty, in order."""
         pool = ThreadPoolExecutor(WORKERS)
 
-        def begun(number: int) -> list[Future[Pair | None]]:
-            return [pool.submit(self._pair, pose) for pose in islice(poses, number)]
+        def submit(number: int) -> list[Future[Pair | None]]:
+            return [pool.submit(self._render_pair, pose) for pose in islice(poses, number)]
 
         try:
-            running = deque(begun(WORKERS))
+            running = deque(submit(WORKERS))
             while running:
                 pair = running.popleft().result()
-                running.extend(begun(1))
+                running.extend(submit(1))
                 if pair is not None:
                     yield pair
         finally:
             pool.shutdown(cancel_futures=True)
 
-    def _pair(self, pose: Pose) -> Pair | None:
+    def _render_pair(self, pose: Pose) -> Pair | None:
         """A view at the best rung's size with its frames; None if it is nearly empty."""
         scene, lens = self.scene, intrinsics(self.ladder[0].width, self.ladder[0].height)
         full = self.renderer.picture(RenderRequest.at(scene.id, pose, lens, format="png"))
         background = np.round(np.array(scene.background) * 255).astype(np.int16)
         content = (np.abs(full.astype(np.int16) - background) > 1).any(axis=2)
-        if content.mean() < LEAST_CONTENT:
+        if content.mean() < MIN_CONTENT:
             return None
         picture = self.renderer.picture
         frames = {rung: picture(RenderRequest.at(scene.id, pose, lens, profile=rung)) for rung in self.rungs}
@@ -116,7 +116,7 @@ def held_out_views(scene: SceneInfo, number: int) -> list[Pose]:
 def training_views(scene: SceneInfo) -> Iterator[Pose]:
     """Endless views, none of which is a neighbour of a held-out one. Raises StartError."""
     axes = _axes(scene)
-    held_out = held_out_views(scene, MOST_HELD_OUT)
+    held_out = held_out_views(scene, MAX_HELD_OUT)
     for pose in _views(axes, Random(f"training {scene.id} 0")):
         if not any(axes.are_neighbours(pose, other) for other in held_out):
             yield pose

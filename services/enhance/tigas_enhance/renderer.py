@@ -27,7 +27,7 @@ class Renderer:
 
     @classmethod
     @contextmanager
-    def at(cls, url: str) -> Iterator[Self]:
+    def connect(cls, url: str) -> Iterator[Self]:
         """Connect to the service at a URL during the context."""
         with start_blocking_portal() as portal, portal.wrap_async_context_manager(RenderClient.connect(url)) as client:
             yield cls(portal, client)

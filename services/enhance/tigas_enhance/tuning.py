@@ -16,15 +16,15 @@ from numpy.typing import NDArray
 
 from tigas_common.weights import GENERAL, MAX_HEIGHT_RATIO, NetworkInfo, Weights, distance
 from tigas_common.wire.render import Rung
-from tigas_enhance.evaluate import gains
-from tigas_enhance.network import described, rounded, to_tensors
-from tigas_enhance.pairs import NothingToLearn, Pair, ScenePairs
+from tigas_enhance.evaluate import psnr_gains
+from tigas_enhance.network import describe_network, round_to_half, to_tensors
+from tigas_enhance.pairs import NoTrainingData, Pair, ScenePairs
 from tigas_enhance.renderer import Renderer
 from tigas_enhance.train import Recipe, train
 
-RENDERING = 0.25
+RENDERING_SHARE = 0.25
 """Maximum share of the time used to render views."""
-NETWORKS = 3
+MAX_NETWORKS = 3
 """Maximum number of networks for a ladder."""
 HELD_OUT = {"cpu": 4, "cuda": 12}
 """Number of views on which gains are measured, by device."""
@@ -45,20 +45,20 @@ def tune(
     *,
     general: bool = False,
 ) -> Weights:
-    """Train weights for a scene or, if `general`, for any scene. Raises as Renderer does, and NothingToLearn."""
+    """Train weights for a scene or, if `general`, for any scene. Raises as Renderer does, and NoTrainingData."""
     began = time.monotonic()
     scenes = [renderer.load(scene_id) for scene_id in scene_ids]
     ladders = {renderer.ladder(scene) for scene in scenes}
     if len(ladders) > 1:
-        raise NothingToLearn("The scenes have their own ladders: start the render service with --ladder paper.")
+        raise NoTrainingData("The scenes have their own ladders: start the render service with --ladder paper.")
     ladder = ladders.pop()
     rungs = training_rungs(ladder)
     training: list[Pair] = []
     tests: list[list[Pair]] = []
     for index, scene in enumerate(scenes):
-        listener(f"rendering views of {scene.id}", RENDERING * index / len(scenes))
+        listener(f"rendering views of {scene.id}", RENDERING_SHARE * index / len(scenes))
         pairs = ScenePairs(renderer, scene, ladder, rungs)
-        until = began + seconds * RENDERING * (index + 1) / len(scenes)
+        until = began + seconds * RENDERING_SHARE * (index + 1) / len(scenes)
         training += pairs.training(max(1, VIEWS[device.type] // len(scenes)), until)
         tests.append(pairs.held_out(HELD_OUT[device.type]))
     networks: list[NetworkInfo] = []
@@ -67,41 +67,41 @@ def tune(
         named, remaining = ladder[rung], began + seconds - time.monotonic()
 
         def report(done: float, number: int = number, named: Rung = named, rung: int = rung) -> None:
-            whole = RENDERING + (1 - RENDERING) * (number + done) / len(rungs)
+            whole = RENDERING_SHARE + (1 - RENDERING_SHARE) * (number + done) / len(rungs)
             listener(f"training rung {rung} ({named.width} × {named.height})", whole)
 
         share = max(remaining / (len(rungs) - number), 0.01)
-        network = rounded(train(training, rung, RECIPES[device.type], share, device, report, varied=general))
-        gain_db = float(np.mean([gains(pairs, rung, network, device).mean() for pairs in tests]))  # equal weights
-        networks.append(described(network, rung, named, gain_db))
+        network = round_to_half(train(training, rung, RECIPES[device.type], share, device, report, augment=general))
+        gain_db = float(np.mean([psnr_gains(pairs, rung, network, device).mean() for pairs in tests]))  # equal weights
+        networks.append(describe_network(network, rung, named, gain_db))
         tensors |= to_tensors(rung, network)
     digest = GENERAL if general else scenes[0].file_sha256
     assert digest is not None, "known for every loaded scene"
     created = datetime.now(UTC).isoformat(timespec="seconds")
-    return gaining(Weights(digest, tuple(networks), tensors, created, version("tigas")))
+    return drop_useless_networks(Weights(digest, tuple(networks), tensors, created, version("tigas")))
 
 
 def training_rungs(ladder: Sequence[Rung]) -> tuple[int, ...]:
-    """The rungs below the best that get networks: all of a short ladder, else NETWORKS of them.
+    """The rungs below the best that get networks: all of a short ladder, else MAX_NETWORKS of them.
 
-    They are chosen to serve the most rungs and, among these choices, the nearest ones. Raises NothingToLearn.
+    They are chosen to serve the most rungs and, among these choices, the nearest ones. Raises NoTrainingData.
     """
     low = range(1, len(ladder))
     if not low:
-        raise NothingToLearn("The ladder has only one rung, which needs no enhancement.")
+        raise NoTrainingData("The ladder has only one rung, which needs no enhancement.")
 
-    def worth(chosen: tuple[int, ...]) -> tuple[int, float]:
+    def coverage(chosen: tuple[int, ...]) -> tuple[int, float]:
         away = [min(distance(ladder[trained], ladder[rung])[0] for trained in chosen) for rung in low]
         served = [each for each in away if each <= math.log(MAX_HEIGHT_RATIO)]
         return len(served), -sum(served)
 
-    return max(combinations(low, min(NETWORKS, len(low))), key=worth)
+    return max(combinations(low, min(MAX_NETWORKS, len(low))), key=coverage)
 
 
-def gaining(weights: Weights) -> Weights:
-    """Drop networks that do not improve held-out views. Raises NothingToLearn if none remains."""
+def drop_useless_networks(weights: Weights) -> Weights:
+    """Drop networks that do not improve held-out views. Raises NoTrainingData if none remains."""
     networks = tuple(network for network in weights.networks if (network.gain_db or 0) > 0)
     if not networks:
-        raise NothingToLearn("The networks are no better than bicubic enlargement; give them more --seconds.")
+        raise NoTrainingData("The networks are no better than bicubic enlargement; give them more --seconds.")
     names = [name for network in networks for name in network.shapes]
     return replace(weights, networks=networks, tensors={name: weights.tensors[name] for name in names})
