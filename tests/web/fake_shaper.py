@@ -49,7 +49,7 @@ class _NoLink:
     """Without traffic."""
 
     backend = "netem"
-    closed = None
+    closed_reason = None
 
     def apply(self, state: LinkSetting, mean_kbps: tuple[float, float] | None = None) -> None:
         """Without clients."""
