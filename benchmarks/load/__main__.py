@@ -34,7 +34,7 @@ from benchmarks.load.server import Server, started
 from benchmarks.load.step import Step
 from tigas_common.errors import StartError
 from tigas_experiments.movement.table import MovementError
-from tigas_experiments.records.machine import this_machine
+from tigas_experiments.records.machine import describe_machine
 
 MOVEMENTS = sorted((Path(__file__).parents[2] / "traces/movement").glob("*.csv"))
 
@@ -120,7 +120,7 @@ def run(arguments: argparse.Namespace) -> int:
                     draw(capacity, arguments.fps, title, arguments.out / "load.svg")
         finally:  # results before an interruption count
             progress.stop()
-            machine = this_machine()
+            machine = describe_machine()
             console.print(table(steps, title))
             console.print(
                 *lines,

@@ -13,7 +13,7 @@ from pydantic import TypeAdapter
 
 from tigas_common.sample_cameras import intrinsics
 from tigas_common.wire.render import RenderRequest, SceneInfo
-from tigas_experiments.movement.trace import MovementTrace, placed
+from tigas_experiments.movement.trace import MovementTrace, place_in_scene
 
 Transport = Literal["webtransport", "post", "mixed"]
 
@@ -78,7 +78,7 @@ class Plan:
 def _route(movement: MovementTrace, scene: SceneInfo, frames_per_s: float) -> tuple[str, ...]:
     times = np.arange(0, max(movement.duration_ms, 1), 1000 / frames_per_s)
     positions, quaternions = movement.poses_at(times)
-    points = placed(replace(movement, times_ms=times, positions=positions, quaternions=quaternions), scene)
+    points = place_in_scene(replace(movement, times_ms=times, positions=positions, quaternions=quaternions), scene)
     return tuple(
         _fields({name: [round(value, 6) for value in point[name]] for name in ("position", "quaternion")})
         for point in points

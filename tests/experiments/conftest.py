@@ -25,7 +25,7 @@ from tigas_experiments.records.machine import Server
 from tigas_experiments.report.cli import Report
 from tigas_experiments.run import measure as run_module
 from tigas_experiments.run import runner
-from tigas_experiments.run.checks import MadeWith
+from tigas_experiments.run.checks import RunVersions
 from tigas_experiments.run.inputs import Inputs
 from tigas_experiments.wire.run import Configuration
 
@@ -75,7 +75,7 @@ class Stub:
     """Requests of the experiment."""
     commit = "abc"
     browser = "156"
-    server = Server.of(SERVER)
+    server = Server.from_config(SERVER)
     scene_bytes = 1000
     scene_ladder: tuple[Rung, ...] | None = None
     scene_sha256: str | None = "a" * 64
@@ -89,13 +89,13 @@ class Stub:
     async def check(self, runs: list[Configuration]) -> None:
         self.checked += 1
 
-    async def made_with(self, scenes: Iterable[str]) -> MadeWith:
+    async def versions(self, scenes: Iterable[str]) -> RunVersions:
         now: dict[str, Any] = {
             "file_bytes": self.scene_bytes,
             "file_sha256": self.scene_sha256,
             "ladder": self.scene_ladder,
         }
-        return MadeWith(self.commit, self.browser, self.server, {name: scene(id=name, **now) for name in scenes})
+        return RunVersions(self.commit, self.browser, self.server, {name: scene(id=name, **now) for name in scenes})
 
     async def setup(self, configuration: Configuration) -> None:
         self.made.append(configuration.slug)

@@ -164,7 +164,7 @@ def write_run(
             )
         ],
     )
-    writer.close(status="complete", browser="156", backend="netem", load=Load.of(load), recording=made.head)
+    writer.close(status="complete", browser="156", backend="netem", load=Load.summarise(load), recording=made.head)
     return folder
 
 

@@ -40,7 +40,7 @@ class Counted:
 @pytest.mark.slow
 def test_all_six_metrics_of_both_pictures(tmp_path: Path) -> None:
     torch.manual_seed(1)
-    meters = Meters.of(["psnr", "ssim", "vmaf", "vif"], "cpu")
+    meters = Meters.create(["psnr", "ssim", "vmaf", "vif"], "cpu")
     meters.single += [Meter(("lpips",), distance(Lpips(), "cpu")), Meter(("dists",), distance(Dists(), "cpu"))]
     scoring = Scoring(write_triplets(tmp_path, 2), meters)
     scores = {score.key: score for score in scoring.score()}
@@ -67,7 +67,7 @@ def test_what_was_scored_is_not_scored_again(tmp_path: Path) -> None:
 def test_scoring_again_keeps_other_metrics_and_what_it_does_not_reach(tmp_path: Path) -> None:
     write_triplets(tmp_path, 2)
     Scoring(tmp_path, Counted().meters).score()
-    Scoring(tmp_path, Meters.of(["vif"], "cpu")).score()
+    Scoring(tmp_path, Meters.create(["vif"], "cpu")).score()
     before = read_scores(tmp_path)
     with pytest.raises(KeyboardInterrupt):
         Scoring(tmp_path, Counted(breaks_after=2).meters, again=True).score()
@@ -81,7 +81,7 @@ def test_scoring_again_keeps_other_metrics_and_what_it_does_not_reach(tmp_path: 
 def test_a_metric_that_is_asked_for_later_is_added(tmp_path: Path) -> None:
     write_triplets(tmp_path, 2)
     Scoring(tmp_path, Counted().meters).score()
-    Scoring(tmp_path, Meters.of(["vif"], "cpu")).score()
+    Scoring(tmp_path, Meters.create(["vif"], "cpu")).score()
     assert all(score.has(["psnr", "ssim", "vmaf", "vif"]) for score in read_scores(tmp_path))
 
 
@@ -112,7 +112,7 @@ def test_samples_that_cannot_be_compared_are_named_and_cost_nothing_else(tmp_pat
     write_triplets(tmp_path, 4)
     write_sample_file(tmp_path, 20, TRUTH, b"\x89PNG rubbish")
     write_sample_file(tmp_path, 30, "enhanced.png", encode(np.zeros((50, 50, 3), np.uint8)))
-    scoring = Scoring(tmp_path, Meters.of(["psnr", "vif"], "cpu"))
+    scoring = Scoring(tmp_path, Meters.create(["psnr", "vif"], "cpu"))
     scores = scoring.score()
     assert {score.seq for score in scores} == {10, 40}
     assert list(scoring.problems) == ["sample 20", "sample 30"]
@@ -124,14 +124,14 @@ def test_samples_that_cannot_be_compared_are_named_and_cost_nothing_else(tmp_pat
 def test_a_sequence_may_change_its_size(tmp_path: Path) -> None:
     write_triplets(tmp_path, 3, enhance=None)
     write_sample_file(tmp_path, 20, TRUTH, encode(view(20, 96, 54)))
-    scores = Scoring(tmp_path, Meters.of(["vif"], "cpu")).score()
+    scores = Scoring(tmp_path, Meters.create(["vif"], "cpu")).score()
     assert [score.seq for score in scores if score.vif is not None] == [10, 20, 30]
 
 
 def test_how_far_it_is(tmp_path: Path) -> None:
     write_triplets(tmp_path, 3)
     told: list[int] = []
-    scoring = Scoring(tmp_path, Meters.of(["ssim", "vmaf"], "cpu"), told.append)
+    scoring = Scoring(tmp_path, Meters.create(["ssim", "vmaf"], "cpu"), told.append)
     scoring.score()
     assert sum(told) == scoring.steps == 6
 
@@ -145,7 +145,7 @@ def test_what_was_seen_is_scored_on_black_beside_the_samples(tmp_path: Path) -> 
         (tmp_path / "captures" / f"000{number}.png").write_bytes(encode(shown))
         (tmp_path / "captures" / f"000{number}.truth.png").write_bytes(encode(view(1)))
     (tmp_path / "captures" / "view.png").write_bytes(encode(view(1)))
-    scores = Scoring(tmp_path, Meters.of(["psnr", "ssim"], "cpu")).score()
+    scores = Scoring(tmp_path, Meters.create(["psnr", "ssim"], "cpu")).score()
     assert [score.key for score in read_scores(tmp_path)] == [(0, "seen"), (1, "seen"), (2, "seen"), (10, "original")]
     whole, less, least = (score.psnr or 0.0 for score in scores if score.picture == "seen")
     assert whole == 100 > less > least

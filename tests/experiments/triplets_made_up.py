@@ -12,7 +12,7 @@ from scipy.ndimage import gaussian_filter
 
 from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire.render import RenderRequest
-from tigas_experiments.quality.picture import Picture, encode, upscaled
+from tigas_experiments.quality.picture import Picture, encode, upscale_bicubic
 from tigas_experiments.records.samples import JPEG, TRUTH, write_sample_file, write_samples
 from tigas_experiments.wire.recording import Sample
 
@@ -43,7 +43,7 @@ def reduced(picture: Picture, scale: int) -> Picture:
 def halfway(picture: Picture, truth: Picture) -> Picture:
     """An enhancement that undoes half of the damage."""
     height, width = truth.shape[:2]
-    mixed: Picture = ((upscaled(picture, width, height).astype(np.uint16) + truth) // 2).astype(np.uint8)
+    mixed: Picture = ((upscale_bicubic(picture, width, height).astype(np.uint16) + truth) // 2).astype(np.uint8)
     return mixed
 
 

@@ -66,8 +66,8 @@ def assert_sound(movement: MovementTrace) -> None:
     assert np.allclose(np.linalg.norm(movement.quaternions, axis=1), 1)
     _, turned = movement.poses_at([-1.0, 0.0, movement.duration_ms / 3, movement.duration_ms, 1e9])
     assert np.isfinite(turned).all()
-    Summary.of(movement)
-    again = MovementTrace.parse(movement.text(), "again")
+    Summary.from_trace(movement)
+    again = MovementTrace.parse(movement.to_csv(), "again")
     assert again.anchor == movement.anchor
 
 
@@ -83,7 +83,7 @@ def test_any_file_is_a_movement_or_one_sentence(content: bytes) -> None:
 def test_any_recording_of_eyes_is_imported_or_refused(content: bytes, eye: eyenavgs.Eye) -> None:
     way = read_from(content, lambda path: eyenavgs.read_eyes(path, eye), "user3_train.csv")
     if way is not None:
-        assert_sound(eyenavgs.in_its_scene(way, (0, -1, 0)))
+        assert_sound(eyenavgs.to_recorded_scene(way, (0, -1, 0)))
 
 
 @effort()

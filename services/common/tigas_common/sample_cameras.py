@@ -29,9 +29,9 @@ def intrinsics(width: int, height: int) -> Intrinsics:
     return Intrinsics(focal, focal, width / 2, height / 2, width, height)
 
 
-def sample_movement(movement: Movement, chance: Random) -> list[Pose]:
+def sample_movement(movement: Movement, rng: Random) -> list[Pose]:
     """Views along one movement, from start to end."""
-    return [movement((step + chance.random()) / VIEWS_PER_MOVEMENT) for step in range(VIEWS_PER_MOVEMENT)]
+    return [movement((step + rng.random()) / VIEWS_PER_MOVEMENT) for step in range(VIEWS_PER_MOVEMENT)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,11 +57,11 @@ class SceneAxes:
         ahead = _scaled(1 / math.hypot(*level), level)
         return cls(origin, subject, _cross(ahead, up), up, ahead, math.hypot(*to))
 
-    def walk(self, chance: Random) -> Movement:
+    def walk(self, rng: Random) -> Movement:
         """Walk back and forth around the start camera, looking anywhere but mostly level."""
-        aside, forward = _wave(chance, 0, 0.35), _wave(chance, 0.1, 0.35)
-        height, pitch = _wave(chance, 0, 0.06), _wave(chance, 0, 12)
-        yaw = _wave(chance, chance.uniform(-180, 180) if chance.random() < 0.5 else 0, 50)
+        aside, forward = _wave(rng, 0, 0.35), _wave(rng, 0.1, 0.35)
+        height, pitch = _wave(rng, 0, 0.06), _wave(rng, 0, 12)
+        yaw = _wave(rng, rng.uniform(-180, 180) if rng.random() < 0.5 else 0, 50)
 
         def at(time: float) -> Pose:
             turn, lift = math.radians(yaw(time)), math.radians(pitch(time))
@@ -72,11 +72,11 @@ class SceneAxes:
 
         return at
 
-    def orbit(self, chance: Random) -> Movement:
+    def orbit(self, rng: Random) -> Movement:
         """Walk around the subject, facing it from varying distance and height."""
-        start, way = chance.uniform(0, 2 * math.pi), chance.choice((-1, 1)) * chance.uniform(0.8, 2.5)
-        distance, height = _wave(chance, 0.85, 0.3), _wave(chance, 0.08, 0.2)
-        aside, above = _wave(chance, 0, 0.12), _wave(chance, 0, 0.12)
+        start, way = rng.uniform(0, 2 * math.pi), rng.choice((-1, 1)) * rng.uniform(0.8, 2.5)
+        distance, height = _wave(rng, 0.85, 0.3), _wave(rng, 0.08, 0.2)
+        aside, above = _wave(rng, 0, 0.12), _wave(rng, 0, 0.12)
 
         def at(time: float) -> Pose:
             angle, radius = start + way * time, max(0.2, distance(time))
@@ -97,10 +97,10 @@ class SceneAxes:
         return _sum(point, _scaled(self.view, way))
 
 
-def _wave(chance: Random, middle: float, amplitude: float) -> Callable[[float], float]:
+def _wave(rng: Random, middle: float, amplitude: float) -> Callable[[float], float]:
     """A slow sine around `middle`, random within an amplitude."""
-    offset = chance.uniform(-amplitude, amplitude) / 2
-    size, turns, phase = amplitude / 2, chance.uniform(0.3, 1.2), chance.random()
+    offset = rng.uniform(-amplitude, amplitude) / 2
+    size, turns, phase = amplitude / 2, rng.uniform(0.3, 1.2), rng.random()
     return lambda time: middle + offset + size * math.sin(math.tau * (turns * time + phase))
 
 

@@ -122,9 +122,9 @@ def training_views(scene: SceneInfo) -> Iterator[Pose]:
             yield pose
 
 
-def _views(axes: SceneAxes, chance: Random) -> Iterator[Pose]:
+def _views(axes: SceneAxes, rng: Random) -> Iterator[Pose]:
     for number in count():
-        yield from sample_movement(axes.orbit(chance) if number % 2 else axes.walk(chance), chance)
+        yield from sample_movement(axes.orbit(rng) if number % 2 else axes.walk(rng), rng)
 
 
 def _axes(scene: SceneInfo) -> SceneAxes:

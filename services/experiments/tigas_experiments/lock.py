@@ -12,14 +12,14 @@ from filelock import FileLock, Timeout
 
 from tigas_common.errors import StartError
 
-EXPERIMENT = ".lock"
+LOCK_NAME = ".lock"
 """Name of the lock file in an experiment's folder while a command is making it."""
 NAMESPACE = Path("/proc/self/ns/net")
 """This process's network namespace, on Linux."""
 
 
 @contextmanager
-def exclusive(path: Path, otherwise: str) -> Iterator[None]:
+def hold_lock(path: Path, otherwise: str) -> Iterator[None]:
     """Hold a lock file during the context; the system releases it if this process is killed.
 
     Raises StartError with the sentence `otherwise` if another process holds it, and OSError.

@@ -25,9 +25,9 @@ from tigas_experiments.records.scores import (
 )
 from tigas_experiments.wire.recording import Sample
 
-FRAMES = 240
+MAX_VIDEO_FRAMES = 240
 """Maximum number of frames in a VMAF video, which limits the loss after an interruption."""
-SAVED_EVERY_S = 5.0
+SAVE_EVERY_S = 5.0
 OnProgress = Callable[[int], None]
 """Progress callback: number of additional steps done."""
 
@@ -44,7 +44,7 @@ class Scoring:
         self._meters = meters
         self._on_progress = on_progress
         self._models = {sample.seq: _model(sample) for sample in read_samples(run)}
-        self._scores = _earlier(run, even_broken=again)
+        self._scores = _read_earlier(run, even_broken=again)
         self._again = again
         self._saved = time.monotonic()
 
@@ -57,8 +57,8 @@ class Scoring:
         if not self.triplets:
             return list(self._scores.values())
         try:
-            for start in range(0, len(self.triplets), FRAMES):
-                batch = self.triplets[start : start + FRAMES]
+            for start in range(0, len(self.triplets), MAX_VIDEO_FRAMES):
+                batch = self.triplets[start : start + MAX_VIDEO_FRAMES]
                 for triplet in batch:
                     self._score_single(triplet)
                 if self._meters.video:
@@ -77,14 +77,14 @@ class Scoring:
         try:
             contents = triplet.read()
             for kind in triplet.pictures:
-                self._begin(triplet.seq, kind, contents)
+                self._ensure_score(triplet.seq, kind, contents)
             pending = [
                 (meter, kinds)
                 for meter in self._meters.single
                 if (kinds := [kind for kind in triplet.pictures if self._lacks((triplet.seq, kind), meter.names)])
             ]
             if pending:
-                truth, pictures = contents.decoded()
+                truth, pictures = contents.decode()
                 for meter, kinds in pending:
                     measured = meter.measure([pictures[kind] for kind in kinds], truth)
                     for kind, values in zip(kinds, measured, strict=True):
@@ -93,7 +93,7 @@ class Scoring:
             self.problems[triplet.name] = str(error)
         if self._meters.single:
             self._on_progress(1)
-        if time.monotonic() - self._saved > SAVED_EVERY_S:
+        if time.monotonic() - self._saved > SAVE_EVERY_S:
             write_scores(self._run, self._scores.values())
             self._saved = time.monotonic()
 
@@ -111,13 +111,13 @@ class Scoring:
         for triplet in batch:
             if triplet.name not in self.problems:
                 try:
-                    truth, pictures = triplet.read().decoded()
+                    truth, pictures = triplet.read().decode()
                 except (BrokenRecording, BrokenPicture) as error:
                     self.problems[triplet.name] = str(error)
                 else:
                     yield triplet.seq, pictures[kind], truth
 
-    def _begin(self, seq: int, kind: Kind, contents: Contents) -> None:
+    def _ensure_score(self, seq: int, kind: Kind, contents: Contents) -> None:
         """Add an empty score, unless there already is one of the same pictures."""
         digest, model = contents.digest(kind), self._models.get(seq) if kind == "enhanced" else None
         known = self._scores.get((seq, kind))
@@ -131,7 +131,7 @@ class Scoring:
         self._scores[seq, kind] = self._scores[seq, kind].model_copy(update=dict(values.items()))
 
 
-def _earlier(run: Path, *, even_broken: bool) -> dict[tuple[int, Kind], Score]:
+def _read_earlier(run: Path, *, even_broken: bool) -> dict[tuple[int, Kind], Score]:
     """Scores by sample and picture; empty if they are broken. Raises BrokenRecording unless `even_broken`."""
     try:
         return {score.key: score for score in read_scores(run)}

@@ -163,6 +163,6 @@ def test_the_published_parts_can_make_everything_that_they_name() -> None:
         if plan is not None:
             recorded = {name for name in (*plan.movements, *plan.networks) if name.startswith("recorded/")}
             scenes = {f"models/{scene}" for scene in plan.scenes if scene != "courtyard"}
-            made = evaluation.needed(part)
+            made = evaluation.needed_inputs(part)
             assert recorded == {path.removeprefix("experiments/") for path in made if path.startswith("experiments/")}
             assert scenes == {str(Path(path).parent) for path in made if path.startswith("models/")}

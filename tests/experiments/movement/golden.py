@@ -12,7 +12,7 @@ from typing import Any
 
 from tests.scenes import scene
 from tigas_common.wire.render import StartCamera
-from tigas_experiments.movement.trace import MovementTrace, placed
+from tigas_experiments.movement.trace import MovementTrace, place_in_scene
 
 FILE = Path(__file__).with_name("golden.json")
 HEADER = "t_ms,x,y,z,qx,qy,qz,qw\n"
@@ -91,7 +91,7 @@ def golden() -> dict[str, Any]:
         "refused": REFUSED,
         "scenes": {name: info.model_dump(mode="json", include={"up", "camera"}) for name, info in SCENES.items()},
         "placed": [
-            {"movement": movement, "scene": name, "points": placed(MovementTrace.parse(text, movement), info)}
+            {"movement": movement, "scene": name, "points": place_in_scene(MovementTrace.parse(text, movement), info)}
             for movement, text in MOVEMENTS.items()
             for name, info in SCENES.items()
         ],

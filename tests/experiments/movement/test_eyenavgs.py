@@ -13,15 +13,15 @@ from tests.scenes import scene
 from tests.shared_data import shared_file
 from tigas_experiments.movement.eyenavgs import (
     SceneSettings,
-    from_the_start,
-    in_its_scene,
     read_eyes,
     read_settings,
-    scene_of,
+    scene_name,
+    to_recorded_scene,
+    to_start_anchor,
 )
 from tigas_experiments.movement.summary import Summary
 from tigas_experiments.movement.table import MovementError
-from tigas_experiments.movement.trace import MovementTrace, placed
+from tigas_experiments.movement.trace import MovementTrace, place_in_scene
 
 NTHU = (
     "ViewIndex,FOV1,FOV2,FOV3,FOV4,PositionX,PositionY,PositionZ,QuaternionX,QuaternionY,QuaternionZ,QuaternionW,"
@@ -104,7 +104,7 @@ def test_a_walk_is_level_in_metres_and_begins_at_the_origin_looking_ahead(tmp_pa
 
     path = write(tmp_path / "u_s.csv", NTHU, recorded(0, places[0], facing) + recorded(1000, places[1], nodding))
     x, y, z, w = level.as_quat().tolist()
-    walk = from_the_start(read_eyes(path, "left"), SceneSettings(scale, (x, y, z, w)))
+    walk = to_start_anchor(read_eyes(path, "left"), SceneSettings(scale, (x, y, z, w)))
     assert (walk.anchor, walk.unit) == ("start", "m")
     np.testing.assert_allclose(walk.positions, [(0, 0, 0), (0, -0.25, 1)], atol=1e-12)
     np.testing.assert_allclose(np.abs(walk.quaternions[0]), (0, 0, 0, 1), atol=1e-12)
@@ -116,7 +116,7 @@ def test_a_walk_is_level_in_metres_and_begins_at_the_origin_looking_ahead(tmp_pa
 def test_in_its_own_scene_nothing_moves_but_the_frame_is_level(tmp_path: Path) -> None:
     path = write(tmp_path / "u_s.csv", NTHU, both(0, (1, 2, 3), UPRIGHT) + both(20, (1, 2, 3), UPRIGHT))
     way = read_eyes(path, "left")
-    plain, upward = in_its_scene(way, (0, -1, 0)), in_its_scene(way, (0, 1, 0))
+    plain, upward = to_recorded_scene(way, (0, -1, 0)), to_recorded_scene(way, (0, 1, 0))
     assert plain.positions[0].tolist() == [1, -2, -3]
     np.testing.assert_allclose(upward.positions[0], (1, 2, 3), atol=1e-12)
 
@@ -124,7 +124,7 @@ def test_in_its_own_scene_nothing_moves_but_the_frame_is_level(tmp_path: Path) -
 def test_in_a_scene_that_is_not_level_it_comes_out_where_it_was_recorded(tmp_path: Path) -> None:
     up = (0.3, -0.8, 0.4)
     way = read_eyes(write(tmp_path / "u_s.csv", NTHU, both(0, (1, 2, 3), (0.5, 0.1, -0.3, 0.7))), "left")
-    point = placed(in_its_scene(way, up), scene(up=up))[0]
+    point = place_in_scene(to_recorded_scene(way, up), scene(up=up))[0]
     np.testing.assert_allclose(point["position"], (1, -2, -3), atol=1e-12)
     np.testing.assert_allclose(point["quaternion"], way.quaternions[0], atol=1e-12)
 
@@ -196,7 +196,7 @@ def test_in_a_recording_the_eyes_are_beside_one_another_and_the_walk_is_level(
     site: str, name: str, seconds: float
 ) -> None:
     path = shared_file("movement", site, f"{name}.csv")
-    settings = read_settings(shared_file("movement", site, "scene_setting.csv"), scene_of(path))
+    settings = read_settings(shared_file("movement", site, "scene_setting.csv"), scene_name(path))
     left, right, middle = (read_eyes(path, eye) for eye in ("left", "right", "middle"))
     # both at the right eye's times; the head's movement in between is in `left`'s interpolation
     shift = 7.0
@@ -205,13 +205,13 @@ def test_in_a_recording_the_eyes_are_beside_one_another_and_the_walk_is_level(
     x, y, z = np.median(beside, axis=0)
     assert 0.055 < x < 0.075, "metres between the eyes, to the right in the head's own frame"
     assert math.hypot(y, z) < 0.01
-    walk = from_the_start(middle, settings)
+    walk = to_start_anchor(middle, settings)
     assert walk.duration_ms / 1000 == pytest.approx(seconds, abs=0.1)
     matrix = Rotation.from_quat(walk.quaternions).as_matrix()
     lean = np.degrees(np.arctan2(matrix[:, 1, 0], matrix[:, 1, 1]))
     assert abs(lean.mean()) < 5, "a head is upright on average"
     assert np.ptp(walk.positions[:, 1]) < 0.5, "the walk leaves the floor"
-    summary = Summary.of(walk)
+    summary = Summary.from_trace(walk)
     assert 0.1 < summary.speed < 1.5
     assert 10 < summary.turning[50] < 100
-    assert MovementTrace.parse(walk.text(), name).notes == ()
+    assert MovementTrace.parse(walk.to_csv(), name).notes == ()

@@ -51,7 +51,7 @@ def test_a_longer_one_begins_with_the_shorter_one_at_the_origin(kind: str) -> No
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_they_move_as_they_are_called(seed: int) -> None:
-    stroll, look, quick, orbit = (Summary.of(generate(kind, 120, seed)) for kind in KINDS)
+    stroll, look, quick, orbit = (Summary.from_trace(generate(kind, 120, seed)) for kind in KINDS)
     assert 15 < stroll.path < 60
     assert stroll.turning[100] < 90
     assert look.path < 10, "the camera moves while looking around"
@@ -63,7 +63,7 @@ def test_they_move_as_they_are_called(seed: int) -> None:
 
 def test_quick_turns_start_and_stop_smoothly() -> None:
     trace = generate("quick-turns", 60, 1)
-    still = Pace.of(trace).turning < 0.5
+    still = Pace.from_trace(trace).turning < 0.5
     assert 0.4 < still.mean() < 0.8
     rotations = Rotation.from_quat(trace.quaternions)
     speed = np.degrees((rotations[:-1].inv() * rotations[1:]).magnitude()) * 60

@@ -21,7 +21,7 @@ from tests.scenes import scene
 from tigas_common.pose import Pose
 from tigas_common.wire.render import SceneInfo, StartCamera
 from tigas_experiments.movement.table import MovementError
-from tigas_experiments.movement.trace import MovementTrace, metre, placed
+from tigas_experiments.movement.trace import MovementTrace, place_in_scene, units_per_metre
 from tigas_experiments.wire.movement import TimedPose
 
 KEPT: dict[str, Any] = json.loads(FILE.read_text(encoding="utf-8"))
@@ -91,7 +91,7 @@ def test_whatever_a_text_is_it_is_a_movement_or_refused(head: str, rows: list[st
         trace = parse(head + "\n".join(rows) + end)
     except MovementError:
         return
-    points = placed(trace, scene(up=(1, 2, 3)))
+    points = place_in_scene(trace, scene(up=(1, 2, 3)))
     assert np.isfinite([[*point["position"], *point["quaternion"]] for point in points]).all()
     assert trace.times_ms[0] == 0
     assert (np.diff(trace.times_ms) > 0).all()
@@ -153,10 +153,10 @@ def test_what_the_file_says_of_itself_is_kept_and_written_as_one_line_each() -> 
     trace = parse(f"# description: a: b\n# by = nobody\n#seed:1\n{HEADER}{POSE}")
     assert trace.description == "a: b"
     assert dict(trace.comments) == {"description": "a: b", "seed": "1"}
-    hostile = MovementTrace.parse(trace.text(), "again")
+    hostile = MovementTrace.parse(trace.to_csv(), "again")
     lines = type(hostile)(
         hostile.times_ms, hostile.positions, hostile.quaternions, "start", "m", {"note": "two\nlines\r0,0"}
-    ).text()
+    ).to_csv()
     assert lines.splitlines()[:4] == ["# anchor: start", "# unit: m", "# note: two lines 0,0", HEADER.strip()]
 
 
@@ -175,8 +175,8 @@ def test_between_poses_it_goes_straight_and_turns_along_the_arc_and_the_ends_hol
 def test_a_part_keeps_what_leads_to_its_end() -> None:
     trace = parse(HEADER + "".join(f"{at},{at},0,0,0,0,0,1\n" for at in (0, 40, 80, 120)))
     for end, last in ((0, 0), (39, 40), (40, 40), (41, 80), (500, 120)):
-        assert trace.part(0, end).duration_ms == last
-    part = trace.part(50, 90)
+        assert trace.slice(0, end).duration_ms == last
+    part = trace.slice(50, 90)
     assert (part.times_ms.tolist(), part.positions[:, 0].tolist()) == ([0, 30, 70], [50, 80, 120])
 
 
@@ -185,7 +185,7 @@ EAST = scene(camera=StartCamera(position=(1, -2, 3), look_at=(9, -2, 3)))
 
 
 def points(comments: str, where: SceneInfo = EAST) -> list[TimedPose]:
-    return placed(MovementTrace.parse(comments + ONE_AHEAD, "walk.csv"), where)
+    return place_in_scene(MovementTrace.parse(comments + ONE_AHEAD, "walk.csv"), where)
 
 
 def test_from_the_start_ahead_is_where_the_start_camera_looks() -> None:
@@ -197,9 +197,9 @@ def test_from_the_start_ahead_is_where_the_start_camera_looks() -> None:
 
 
 def test_a_metre_is_a_quarter_of_the_way_to_what_the_start_camera_looks_at() -> None:
-    assert metre(EAST) == 2
+    assert units_per_metre(EAST) == 2
     assert points("# anchor: start\n# unit: m\n")[1]["position"] == pytest.approx([3, -3, 3])
-    assert metre(scene()) == 1
+    assert units_per_metre(scene()) == 1
 
 
 def test_each_movement_is_where_it_was_in_each_scene() -> None:
@@ -226,8 +226,8 @@ def test_what_is_no_movement_is_refused_with_one_sentence(name: str) -> None:
 @pytest.mark.parametrize("name", MOVEMENTS)
 def test_what_is_written_is_read_back(name: str) -> None:
     trace = MovementTrace.parse(MOVEMENTS[name], name)
-    again = MovementTrace.parse(trace.text(), name)
-    assert again.text() == trace.text()
+    again = MovementTrace.parse(trace.to_csv(), name)
+    assert again.to_csv() == trace.to_csv()
     np.testing.assert_allclose(again.positions, trace.positions, atol=1e-6)
     np.testing.assert_allclose(again.quaternions, trace.quaternions, atol=2e-6)
     assert (again.anchor, again.unit, again.comments) == (trace.anchor, trace.unit, trace.comments)

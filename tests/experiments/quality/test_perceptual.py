@@ -53,7 +53,7 @@ def test_distance_grows_as_compression_does(model: Perceptual) -> None:
 def test_pictures_are_measured_together_as_they_are_alone(
     model: Perceptual, most_together: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(metrics, "MOST_TOGETHER", most_together)
+    monkeypatch.setattr(metrics, "MAX_BATCH_PIXELS", most_together)
     pictures = [decode(jpeg(TRUTH, quality)) for quality in (60, 20)]
     measure = distance(model, "cpu")
     assert [v for (v,) in measure(pictures, TRUTH)] == pytest.approx(

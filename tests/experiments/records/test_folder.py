@@ -17,7 +17,7 @@ from tigas_experiments.records.folder import (
     ExperimentRecord,
     RunWriter,
     StoredRun,
-    experiment_of,
+    experiment_folder,
     read_experiment,
     read_snapshot,
     write_experiment,
@@ -38,9 +38,13 @@ from tigas_experiments.wire.recording import Input, Reply, Sample, ShownFrame, T
 
 def test_a_run_belongs_to_the_experiment_two_folders_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     run, alone = write_run(tmp_path / "it" / "runs" / "a"), write_run(tmp_path / "alone")
-    assert [experiment_of(each) for each in (run, alone, tmp_path / "it")] == [tmp_path / "it", alone, tmp_path / "it"]
+    assert [experiment_folder(each) for each in (run, alone, tmp_path / "it")] == [
+        tmp_path / "it",
+        alone,
+        tmp_path / "it",
+    ]
     monkeypatch.chdir(run)
-    assert experiment_of(Path()) == tmp_path / "it"
+    assert experiment_folder(Path()) == tmp_path / "it"
 
 
 def test_what_is_written_comes_back(tmp_path: Path) -> None:

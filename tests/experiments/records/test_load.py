@@ -17,14 +17,14 @@ from tests.eventually import eventually
 from tests.prerequisites import SCHEDSTAT
 from tigas_common.resources import Quota
 from tigas_experiments.records import load
-from tigas_experiments.records.load import Load, LoadSample, Reading, Thread, watching_load
+from tigas_experiments.records.load import Load, LoadSample, Reading, Thread, monitor_load
 
 NOBODY = "http://127.0.0.1:9"
 """Where no service answers."""
 
 
 def load_of(*samples: LoadSample) -> Load:
-    found = Load.of(samples)
+    found = Load.summarise(samples)
     assert found is not None
     return found
 
@@ -90,7 +90,7 @@ def test_early_records_say_nothing_of_what_was_not_watched() -> None:
     assert found.services is None
     line = LoadSample.model_validate_json('{"unix_ms": 1.0, "cpu": 0.5, "load_average": 1.0}')
     assert (line.processors, line.throttled, line.threads) == (None, False, None)
-    assert Load.of([]) is None
+    assert Load.summarise([]) is None
 
 
 def quota(used_s: float | None, throttled: int = 0, group: str = "a") -> Quota:
@@ -147,9 +147,9 @@ def test_a_thread_that_waits_for_a_processor_is_as_busy_as_one_that_runs() -> No
             return one.cpu_times().user + one.cpu_times().system
 
         asyncio.run(eventually(lambda: used_s() > 0.5))
-        first, began_s = Reading.now({one: "spin"}), used_s()
+        first, began_s = Reading.take({one: "spin"}), used_s()
         asyncio.run(eventually(lambda: used_s() > began_s + 0.3))
-        second = Reading.now({one: "spin"})
+        second = Reading.take({one: "spin"})
         assert used_s() - began_s < 0.7 * (second.at_s - first.at_s), "three share a processor"
         assert (passed(first, second).threads or {})["spin"] == pytest.approx(1.0, abs=0.1)
     finally:
@@ -174,12 +174,12 @@ def test_only_processors_that_this_process_may_run_on_count(monkeypatch: pytest.
     ]
     monkeypatch.setattr(psutil, "cpu_times", lambda percpu: every)
     monkeypatch.setattr(load, "allowed_processors", lambda: frozenset({0}))
-    reading = Reading.now(None)
+    reading = Reading.take(None)
     assert (reading.busy_s, reading.idle_s, reading.processors, reading.threads) == (3.0, 7.0, 1, None)
 
 
 def test_a_watch_reads_the_threads_that_it_is_given(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(load, "EVERY_S", 0)
+    monkeypatch.setattr(load, "SAMPLE_EVERY_S", 0)
 
     with subprocess.Popen([sys.executable, "-c", ""]) as short:
         ended = psutil.Process(short.pid)
@@ -187,7 +187,7 @@ def test_a_watch_reads_the_threads_that_it_is_given(monkeypatch: pytest.MonkeyPa
     processes = {psutil.Process(): "this", ended: "ended"}
 
     async def watched() -> LoadSample:
-        async with asyncio.timeout(30), watching_load(NOBODY, 1, processes) as samples:
+        async with asyncio.timeout(30), monitor_load(NOBODY, 1, processes) as samples:
             while not samples:  # noqa: ASYNC110 - nothing announces it
                 await asyncio.sleep(0)
             return samples[0]

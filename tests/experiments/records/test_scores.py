@@ -63,7 +63,7 @@ def test_pictures_belong_together_by_their_number(tmp_path: Path) -> None:
 
 def test_the_original_is_enlarged_by_bicubic(tmp_path: Path) -> None:
     write_triplets(tmp_path, 1)
-    truth, pictures = triplets(tmp_path)[0].read().decoded()
+    truth, pictures = triplets(tmp_path)[0].read().decode()
     small = Image.open(tmp_path / "samples" / "000010.jpg")
     assert small.size == (WIDTH // 2, HEIGHT // 2)
     assert np.array_equal(truth, view(10))
@@ -75,7 +75,7 @@ def test_an_enhanced_picture_is_read_as_webp_too(tmp_path: Path) -> None:
     buffer = io.BytesIO()
     Image.fromarray(view(5)).save(buffer, "WEBP", lossless=True)
     write_sample_file(tmp_path, 10, "enhanced.webp", buffer.getvalue())
-    _, pictures = triplets(tmp_path)[0].read().decoded()
+    _, pictures = triplets(tmp_path)[0].read().decode()
     assert np.array_equal(pictures["enhanced"], view(5))
 
 
@@ -91,7 +91,7 @@ def test_the_digest_is_of_both_pictures(tmp_path: Path) -> None:
 def test_a_picture_that_was_shown_at_another_size_is_not_compared(tmp_path: Path) -> None:
     write_triplets(tmp_path, 1, enhance=lambda _, truth: reduced(truth, 2))
     with pytest.raises(BrokenPicture, match=r"shown at 64×36, but its ground truth has 128×72 pixels"):
-        triplets(tmp_path)[0].read().decoded()
+        triplets(tmp_path)[0].read().decode()
 
 
 @pytest.mark.parametrize(("width", "height"), [(16, 200), (4096, 2200)])
@@ -99,7 +99,7 @@ def test_ground_truth_that_is_too_small_or_too_large(tmp_path: Path, width: int,
     write_sample_file(tmp_path, 1, JPEG, jpeg(view(), 50))
     write_sample_file(tmp_path, 1, TRUTH, encode(np.zeros((height, width, 3), np.uint8)))
     with pytest.raises(BrokenPicture, match=f"{width}×{height} pixels; 32×32 to 3840×2160 can be compared"):
-        triplets(tmp_path)[0].read().decoded()
+        triplets(tmp_path)[0].read().decode()
 
 
 def test_what_is_no_file_or_too_large_for_one(tmp_path: Path) -> None:

@@ -33,7 +33,7 @@ def test_percentiles_are_nearest_rank(values: list[float], rank: float, expected
 def test_an_input_is_answered_by_the_first_frame_of_its_pose_or_a_later_one() -> None:
     sampled = inputs(4, every_ms=10)  # poses 1 to 4 at 0, 10, 20, 30 ms
     shown = [frame(25, 0), frame(50, 2), frame(60, 1), frame(90, 3)]
-    assert statistics.answers(sampled, shown) == [50, 40, 70, math.inf]
+    assert statistics.answer_times(sampled, shown) == [50, 40, 70, math.inf]
 
 
 def test_unanswered_inputs_are_slower_than_any() -> None:
@@ -84,7 +84,7 @@ def test_nobody_moved() -> None:
 def test_a_frame_s_age_is_that_of_its_own_pose_and_skips_what_no_frame_was_asked_for() -> None:
     sampled = inputs(4, every_ms=10)  # poses 1 to 4 at 0, 10, 20, 30 ms
     shown = [frame(5, 0), frame(50, 2), frame(60, 2), frame(70, 1), frame(130, 4), frame(200, 9)]
-    assert statistics.ages_when_new(sampled, shown) == [(50, 40), (130, 100)]
+    assert statistics.new_view_ages(sampled, shown) == [(50, 40), (130, 100)]
     assert statistics.frame_ages(sampled, shown) == times("frame_age", mean=70, p50=40, p95=100)
     assert statistics.frame_ages(sampled, []) == times("frame_age", mean=None, p50=None, p95=None)
 
@@ -112,8 +112,8 @@ def test_a_frozen_picture_ages_until_the_end_and_a_resting_viewer_s_never() -> N
 def test_a_turned_picture_answers_an_input_before_its_content_does() -> None:
     sampled = inputs(3)  # poses 1 to 3 at 0, 20, 40 ms
     shown = [frame(16, 0, view=1), frame(36, 0, view=2), frame(60, 2, view=2), frame(300, 3)]
-    assert statistics.answers(sampled, shown, statistics.view) == [16, 16, 260]
-    assert statistics.answers(sampled, shown) == [60, 40, 260]
+    assert statistics.answer_times(sampled, shown, statistics.view_pose) == [16, 16, 260]
+    assert statistics.answer_times(sampled, shown) == [60, 40, 260]
     assert statistics.view_latencies(sampled, shown[:2])["view_latency_p95_ms"] == math.inf
     assert statistics.frame_ages(sampled, shown)["frame_age_p95_ms"] == 260, "of its content"
 
@@ -130,8 +130,8 @@ def test_a_picture_that_turns_is_no_freeze_and_no_new_view() -> None:
 
 def test_what_the_newest_frame_does_not_cover_counts_by_time() -> None:
     shown = [frame(0, 1), frame(100, 1, view=2, filled=0.4), frame(200, 1, view=3, filled=0.1), frame(900, 9, filled=1)]
-    assert statistics.filled(shown, 500) == pytest.approx((0.4 * 100 + 0.1 * 300) / 400)
-    assert statistics.filled(shown[:1], 500) is None, "nothing was turned"
+    assert statistics.filled_share(shown, 500) == pytest.approx((0.4 * 100 + 0.1 * 300) / 400)
+    assert statistics.filled_share(shown[:1], 500) is None, "nothing was turned"
 
 
 def test_a_response_takes_from_the_request_to_the_last_byte() -> None:

@@ -97,7 +97,7 @@ def write_run(
     writer.write(LoadSample, machine)
     quality, view = Quality(psnr_db=30.0, ssim=0.9), Quality(psnr_db=20.0, ssim=view_ssim)
     writer.write(CaptureQuality, [CaptureQuality(at=500.0, pose=20, rung=2, picture=quality, view=view, seen=view)])
-    writer.close(status="complete", browser="156", backend="netem", load=Load.of(machine), recording=made.head)
+    writer.close(status="complete", browser="156", backend="netem", load=Load.summarise(machine), recording=made.head)
     return folder
 
 

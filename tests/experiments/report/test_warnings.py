@@ -48,7 +48,7 @@ def test_runs_without_all_of_their_samples_are_counted(tmp_path: Path) -> None:
 
 def test_runs_without_frames_are_named_as_means_over_frames_lack_them(tmp_path: Path) -> None:
     _, run = repeats(tmp_path, 2)
-    RunWriter.resumed(StoredRun(run)).write(ShownFrame, [])
+    RunWriter.resume(StoredRun(run)).write(ShownFrame, [])
     assert (
         f"{RUN} (2): no frame was shown, so means over frames, such as of their age, are of the other runs."
         in warned(tmp_path)

@@ -21,7 +21,7 @@ from tests.experiments.conftest import Services, running
 from tests.web.stamping import STAMPING, TOLERANCE, heading, read_headings
 from tigas_common.pose import Pose
 from tigas_experiments.errors import RunFailed
-from tigas_experiments.run.browser import SampleList, Viewer, chromium
+from tigas_experiments.run.browser import SampleList, Viewer, launch_chromium
 from tigas_experiments.wire.recording import Recording
 from tigas_experiments.wire.run import RunPlan
 
@@ -53,7 +53,7 @@ def plan(**changes: float) -> RunPlan:
 @asynccontextmanager
 async def opened(url: str, script: str = "") -> AsyncIterator[tuple[Page, Viewer]]:
     """A page and its bridge; `script` runs before the page's own."""
-    async with chromium() as browser:
+    async with launch_chromium() as browser:
         page = await browser.new_page(viewport={"width": 640, "height": 360})
         await page.add_init_script(script)
         await page.goto(f"{url}#/scene/pebbles")

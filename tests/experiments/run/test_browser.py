@@ -13,7 +13,7 @@ from playwright.async_api import Error, TimeoutError
 from tests.experiments.made_up import SERVER, configuration
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.run import browser
-from tigas_experiments.run.browser import Viewer, graphics_arguments, http3_arguments, responds
+from tigas_experiments.run.browser import Viewer, graphics_arguments, http3_arguments, is_responsive
 from tigas_experiments.run.job import run_plan
 
 
@@ -94,7 +94,7 @@ def test_a_browser_that_does_not_respond_is_told_from_one_that_does(
 
     def found(answer: object) -> bool:
         strange: Any = Browser(answer)
-        return asyncio.run(responds(strange))
+        return asyncio.run(is_responsive(strange))
 
     monkeypatch.setattr(browser, "CLOSE_S", 0.05)
     assert found(None)

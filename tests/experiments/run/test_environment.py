@@ -18,9 +18,9 @@ from tests.web.fake_shaper import FakeShaper
 from tigas_common.errors import StartError
 from tigas_common.wire.render import LadderName, Rung
 from tigas_experiments.errors import RunFailed
-from tigas_experiments.lock import exclusive, services_lock
+from tigas_experiments.lock import hold_lock, services_lock
 from tigas_experiments.run import environment as module
-from tigas_experiments.run.environment import Environment, Supervised, open_environment
+from tigas_experiments.run.environment import Environment, ReopenedResource, open_environment
 from tigas_experiments.run.inputs import Inputs
 from tigas_experiments.run.targets import Target
 from tigas_experiments.wire.run import Configuration, Network
@@ -47,7 +47,7 @@ class Counted:
 def test_a_resource_is_opened_once_and_again_when_it_has_died() -> None:
     async def use() -> None:
         counted = Counted()
-        kept = Supervised(counted.open, counted.lives)
+        kept = ReopenedResource(counted.open, counted.lives)
         assert [await kept.get(), await kept.get()] == [1, 1]
         counted.alive = False
         assert await kept.get() == 2
@@ -61,9 +61,9 @@ def test_a_resource_is_opened_once_and_again_when_it_has_died() -> None:
 
 def test_one_holder_at_a_time(tmp_path: Path) -> None:
     lock = tmp_path / "lock"
-    with exclusive(lock, "no"), pytest.raises(StartError, match=r"^not you$"), exclusive(lock, "not you"):
+    with hold_lock(lock, "no"), pytest.raises(StartError, match=r"^not you$"), hold_lock(lock, "not you"):
         pass
-    with exclusive(lock, "no"):
+    with hold_lock(lock, "no"):
         pass
     assert S_IMODE(lock.stat().st_mode) == 0o666, "what root has left behind keeps nobody out"
 
@@ -86,7 +86,7 @@ def test_another_experiment_s_services_are_left_alone() -> None:
             pass
 
     with (
-        exclusive(services_lock("http://127.0.0.1:9"), ""),
+        hold_lock(services_lock("http://127.0.0.1:9"), ""),
         pytest.raises(StartError, match=r"^Another experiment uses the services"),
     ):
         asyncio.run(open_it())
@@ -95,11 +95,11 @@ def test_another_experiment_s_services_are_left_alone() -> None:
 REFUSED = "The viewer failed: controller has an invalid value"
 
 
-def supervised(resource: Any) -> Supervised[Any]:
+def supervised(resource: Any) -> ReopenedResource[Any]:
     async def lives(_: object) -> bool:
         return True
 
-    return Supervised(lambda: nullcontext(resource), lives)
+    return ReopenedResource(lambda: nullcontext(resource), lives)
 
 
 class World:
@@ -112,7 +112,7 @@ class World:
         self.made: list[str] = []
         self.ladder: tuple[Rung, ...] | None = None
         """The scene's own."""
-        monkeypatch.setattr(module, "viewer", self.viewer)
+        monkeypatch.setattr(module, "open_viewer", self.viewer)
         monkeypatch.setattr(module, "load_scene", self.load_scene)
 
     @asynccontextmanager
@@ -199,8 +199,8 @@ def test_services_that_were_started_again_get_a_browser_that_trusts_them(monkeyp
         return target is world.target
 
     async def use() -> None:
-        target = Supervised(lambda: nullcontext(world.target), lives)
-        lab = Environment(target, Supervised(browser.open, browser.lives), MACHINE, Inputs(Path()))  # type: ignore[arg-type]
+        target = ReopenedResource(lambda: nullcontext(world.target), lives)
+        lab = Environment(target, ReopenedResource(browser.open, browser.lives), MACHINE, Inputs(Path()))  # type: ignore[arg-type]
         for _ in range(2):
             assert (await lab.setup(unshaped())).browser == 1  # type: ignore[comparison-overlap]
         world.target = replace(world.target)
@@ -246,7 +246,7 @@ def test_a_page_that_cannot_be_opened_is_said_before_the_first_run(monkeypatch: 
         raise RunFailed("The viewer could not be opened.")
         yield world
 
-    monkeypatch.setattr(module, "viewer", viewer)
+    monkeypatch.setattr(module, "open_viewer", viewer)
     with pytest.raises(StartError, match=r"^The viewer could not be opened\.$"):
         world.check(unshaped())
 

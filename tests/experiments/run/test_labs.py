@@ -24,7 +24,7 @@ from tigas_experiments.run.experiment import Experiment
 from tigas_experiments.run.labs import Answer, Job
 
 job = Job.model_validate_json(sys.stdin.readline())
-experiment = Experiment.of(job.plan, Path(job.directory), Path(job.out))
+experiment = Experiment.from_plan(job.plan, Path(job.directory), Path(job.out))
 if job.checks:
     experiment.write()
     Path(job.out, "checked").write_text(json.dumps(job.checks))

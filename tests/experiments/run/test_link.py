@@ -15,7 +15,7 @@ from tests.experiments.made_up import SERVER
 from tests.web.fake_shaper import FakeShaper
 from tigas_common.wire.shaper import DirectionStatus, LinkSetting, ShaperStatus
 from tigas_experiments.errors import RunFailed
-from tigas_experiments.run.link import OPENING_S, RunLink, ShaperClient, link_for, watching_link
+from tigas_experiments.run.link import OPENING_S, RunLink, ShaperClient, record_link, reserve_link
 from tigas_experiments.run.parsing import parse_network
 from tigas_experiments.run.targets import Target
 from tigas_experiments.wire.run import Network
@@ -49,7 +49,7 @@ def played(begin_ms: float, **at: dict[str, Any]) -> list[ShaperStatus]:
 
 def left_alone(network: Network, seen: list[ShaperStatus]) -> bool:
     """Judged like in a run, with the first one as the reference."""
-    return RunLink(ShaperClient("http://127.0.0.1:9", ""), network, 0, seen[0]).left_alone(seen)
+    return RunLink(ShaperClient("http://127.0.0.1:9", ""), network, 0, seen[0]).is_undisturbed(seen)
 
 
 BUS = Network(trace="bus")
@@ -105,10 +105,10 @@ def watched(shaper: FakeShaper, network: str, somebody: tuple[str, dict[str, Any
 
     async def run() -> None:
         target = Target("http://127.0.0.1:9", SERVER.model_copy(update={"services": {"shaper": shaper.url}}))
-        async with link_for(target, parse_network(network)) as link:
+        async with reserve_link(target, parse_network(network)) as link:
             assert link is not None
             await link.play()
-            async with watching_link(link) as seen:
+            async with record_link(link) as seen:
                 for request in (somebody, None):
                     known = len(seen)
                     await eventually(lambda known=known: len(seen) >= known + 2)  # type: ignore[misc]
@@ -132,7 +132,7 @@ def test_a_trace_plays_while_the_viewer_opens_and_warms_up(shaper: FakeShaper, o
     async def run() -> None:
         target = Target("http://127.0.0.1:9", SERVER.model_copy(update={"services": {"shaper": shaper.url}}))
         network = parse_network("stairs").model_copy(update={"offset_s": offset_s})
-        async with link_for(target, network, warm_up_s=3) as link:
+        async with reserve_link(target, network, warm_up_s=3) as link:
             assert link is not None
             await link.warm_up()
             await link.play()
@@ -167,7 +167,7 @@ def test_who_else_touches_the_link_spoils_the_run(
 def test_a_shaper_that_ends_in_good_order_spoils_the_run_too() -> None:
     async def run(shaper: FakeShaper) -> None:
         target = Target("http://127.0.0.1:9", SERVER.model_copy(update={"services": {"shaper": shaper.url}}))
-        async with link_for(target, parse_network("unshaped")) as link, watching_link(link) as seen:
+        async with reserve_link(target, parse_network("unshaped")) as link, record_link(link) as seen:
             await eventually(lambda: bool(seen))
             await asyncio.to_thread(shaper.stop)
 

@@ -21,9 +21,9 @@ from tigas_experiments.records.folder import InputDigests, RunRecord, StoredRun
 from tigas_experiments.records.load import LoadSample
 from tigas_experiments.records.machine import Server
 from tigas_experiments.run import measure as run_module
-from tigas_experiments.run.environment import Setup
+from tigas_experiments.run.environment import RunSetup
 from tigas_experiments.run.inputs import Inputs, points_sha256
-from tigas_experiments.run.job import MadeFrom
+from tigas_experiments.run.job import RunSources
 from tigas_experiments.run.targets import Target
 from tigas_experiments.wire.recording import Recording, ShownFrame
 from tigas_experiments.wire.run import Configuration, Network, RunPlan
@@ -47,15 +47,15 @@ class World:
         self.can_start = True
         self.asked: dict[str, Any] = {}
 
-    async def setup(self, _: object) -> Setup:
+    async def setup(self, _: object) -> RunSetup:
         if not self.can_start:
             raise StartError("The lab did not start: no.")
-        return Setup(
+        return RunSetup(
             target=Target(self.url, SERVER),
             browser=SimpleNamespace(version="1"),  # type: ignore[arg-type]
             points=POINTS,
             network=UNSHAPED.network,
-            made_from=MadeFrom(DIGESTS, points_sha256(POINTS), SERVER, self.scene),
+            made_from=RunSources(DIGESTS, points_sha256(POINTS), SERVER, self.scene),
         )
 
     async def prepare(self, settings: object, pose: object) -> None:
@@ -81,15 +81,15 @@ def world(monkeypatch: pytest.MonkeyPatch) -> World:
     async def fault(_: object) -> str | None:
         return made.fault
 
-    monkeypatch.setattr(run_module, "viewer", viewer)
-    monkeypatch.setattr(run_module, "fault", fault)
+    monkeypatch.setattr(run_module, "open_viewer", viewer)
+    monkeypatch.setattr(run_module, "find_fault", fault)
     return made
 
 
 def run(world: World, folder: Path, asked: Configuration = UNSHAPED) -> RunRecord:
     """Make it; returns the written record."""
     environment: Any = world
-    record = asyncio.run(run_module.run(environment, asked, folder, lambda _: None))
+    record = asyncio.run(run_module.measure_run(environment, asked, folder, lambda _: None))
     assert StoredRun(folder).record == record
     return record
 
@@ -128,7 +128,7 @@ def test_the_record_has_the_load_and_says_if_services_were_elsewhere(
             for at, share in shares.items()
         ]
 
-    monkeypatch.setattr(run_module, "watching_load", watching_load)
+    monkeypatch.setattr(run_module, "monitor_load", watching_load)
     world.url = "http://192.0.2.1:8080"
     load = run(world, tmp_path / "run").load
     assert load is not None

@@ -15,7 +15,7 @@ from tigas_common.errors import StartError
 from tigas_experiments.commands.paper import Evaluation
 from tigas_experiments.run.inputs import Inputs
 from tigas_experiments.run.job import page_settings
-from tigas_experiments.run.plan import ExperimentPlan, lasting, seconds
+from tigas_experiments.run.plan import ExperimentPlan, estimate_seconds, format_duration
 from tigas_experiments.wire.run import Configuration
 
 REPOSITORY = Path(__file__).parents[3]
@@ -325,16 +325,16 @@ def test_two_movements_of_one_name_are_refused(tmp_path: Path) -> None:
 
 def test_how_long_it_takes(tmp_path: Path) -> None:
     made = runs(tmp_path, duration_s=55, warm_up_s=5, repeats=60)
-    assert 3600 < seconds(made) < 4000
-    assert lasting(made) == "62 minutes"
-    assert lasting(made[:1]) == "62 seconds"
-    assert lasting(made * 2) == "2.1 hours"
-    assert lasting(made * 60) == "2.6 days"
+    assert 3600 < estimate_seconds(made) < 4000
+    assert format_duration(made) == "62 minutes"
+    assert format_duration(made[:1]) == "62 seconds"
+    assert format_duration(made * 2) == "2.1 hours"
+    assert format_duration(made * 60) == "2.6 days"
 
 
 def test_comparing_pictures_takes_time_too(tmp_path: Path) -> None:
     plain, small, large = (
-        seconds(runs(tmp_path, duration_s=15, **more))
+        estimate_seconds(runs(tmp_path, duration_s=15, **more))
         for more in (
             {},
             {"capture_every_s": 1, "viewport": "480x270"},
@@ -383,7 +383,7 @@ def test_parts_of_the_evaluation_are_as_long_as_they_say_and_cover_windows_and_p
         if part.experiment is None:
             continue
         made = plans()[part.name].runs(directory)
-        assert seconds(made) / 60 <= part.minutes, part.name
+        assert estimate_seconds(made) / 60 <= part.minutes, part.name
         windows = {(run.network.name, run.network.offset_s) for run in made}
         if part.name in ("rivals-near-far", "quality"):
             assert len(windows) == 12

@@ -22,7 +22,7 @@ from tests.experiments.conftest import Stub, fails
 from tests.experiments.made_up import MACHINE, SERVER
 from tests.experiments.run.test_plan import toml
 from tigas_common.errors import StartError
-from tigas_experiments.lock import exclusive
+from tigas_experiments.lock import hold_lock
 from tigas_experiments.records.folder import RunRecord, RunWriter, read_experiment
 from tigas_experiments.records.machine import Server
 from tigas_experiments.report.controllers import run_names
@@ -184,18 +184,18 @@ def test_an_experiment_may_grow_but_not_become_another(stub: Stub, file: Path) -
         ("scene_sha256", "b" * 64, "another scene courtyard (SHA-256 aaaaaaaaaaaa…, now SHA-256 bbbbbbbbbbbb…)"),
         (
             "server",
-            Server.of(SERVER.model_copy(update={"ladder": SERVER.ladder[:1]})),
+            Server.from_config(SERVER.model_copy(update={"ladder": SERVER.ladder[:1]})),
             "another ladder (1280x720 q90, ",
         ),
         ("scene_ladder", SERVER.ladder[1:2], "another ladder (1280x720 q90, "),
         (
             "server",
-            Server.of(SERVER.model_copy(update={"commit": "abd"})),
+            Server.from_config(SERVER.model_copy(update={"commit": "abd"})),
             "another render service's commit (abc, now abd)",
         ),
         (
             "server",
-            Server.of(SERVER.model_copy(update={"tcp_congestion_control": "bbr"})),
+            Server.from_config(SERVER.model_copy(update={"tcp_congestion_control": "bbr"})),
             "another TCP congestion control (cubic, now bbr)",
         ),
     ],
@@ -294,7 +294,7 @@ def test_a_disk_that_is_full_from_the_start(stub: Stub, file: Path, monkeypatch:
 def test_two_experiments_do_not_share_a_folder(stub: Stub, file: Path) -> None:
     out = file.parent / "out"
     out.mkdir()
-    with exclusive(out / ".lock", ""):
+    with hold_lock(out / ".lock", ""):
         result = tigas("run", file)
     assert result.exit_code == 1
     assert "Another experiment is writing into" in result.output
@@ -334,7 +334,7 @@ PLAN = {
 
 def seen(console: Console, folder: Path, done: int = 0) -> None:
     """One run, after a number of others."""
-    made = Experiment.of(ExperimentPlan.of(PLAN, "here"), folder, Path("out"), "tigas experiment run")
+    made = Experiment.from_plan(ExperimentPlan.from_data(PLAN, "here"), folder, Path("out"), "tigas experiment run")
     with progress(made, made.runs[done:], run_names(made.runs), console) as listener:
         listener.on_stage("starting the services")
         listener.on_begin(made.runs[done])

@@ -20,8 +20,8 @@ from tests.scenes import scene
 from tigas_common.errors import StartError
 from tigas_common.render_requests import RenderClient
 from tigas_common.wire.render import SceneDownload, SceneInfo
-from tigas_experiments.run.targets import Target, fault, load_scene, read_config, url_target
-from tigas_experiments.run.watched import is_here, process_name, watched
+from tigas_experiments.run.targets import Target, find_fault, load_scene, read_config, url_target
+from tigas_experiments.run.watched import find_watched, is_local, process_name
 
 
 class Services:
@@ -66,18 +66,18 @@ def services(monkeypatch: pytest.MonkeyPatch) -> Services:
 
 def test_a_fault_of_the_services_is_named(services: Services) -> None:
     target = Target(services.url, asyncio.run(read_config(services.url)))
-    assert asyncio.run(fault(target)) is None
+    assert asyncio.run(find_fault(target)) is None
     services.retry_after_s = 5.0
-    assert asyncio.run(fault(target)) is None, "it is only full"
+    assert asyncio.run(find_fault(target)) is None, "it is only full"
     services.free_bytes = 1 << 20
-    assert asyncio.run(fault(target)) is None, "its disk is only fuller"
+    assert asyncio.run(find_fault(target)) is None, "its disk is only fuller"
     services.shaper_status = 503
-    assert asyncio.run(fault(target)) == f"{services.url}/shaper did not answer, or does not work."
+    assert asyncio.run(find_fault(target)) == f"{services.url}/shaper did not answer, or does not work."
     services.shaper_status = 200
     services.certificate = "another"
-    assert asyncio.run(fault(target)) == "The render service was restarted or changed: certificate_sha256."
+    assert asyncio.run(find_fault(target)) == "The render service was restarted or changed: certificate_sha256."
     services.stopped = True
-    assert asyncio.run(fault(target)) == f"No TIGAS render service answers at {services.url}."
+    assert asyncio.run(find_fault(target)) == f"No TIGAS render service answers at {services.url}."
 
 
 def test_a_lab_s_service_that_was_started_again_is_another_one(services: Services) -> None:
@@ -89,12 +89,12 @@ def test_a_lab_s_service_that_was_started_again_is_another_one(services: Service
         keeper = psutil.Process(lab.pid)
         config = asyncio.run(read_config(services.url))
         target = Target(services.url, config, keeper, frozenset(keeper.children()))
-        assert asyncio.run(fault(target)) is None
+        assert asyncio.run(find_fault(target)) is None
         [service] = target.processes
         lab.stdin.write(b"again\n")
         lab.stdin.flush()
         lab.stdout.readline()
-        assert asyncio.run(fault(target)) == f"A service of the lab has ended: process {service.pid}."
+        assert asyncio.run(find_fault(target)) == f"A service of the lab has ended: process {service.pid}."
         lab.stdin.close()
 
 
@@ -188,21 +188,21 @@ def no_children(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("no_children")
 def test_a_service_on_this_machine_is_watched_with_all_of_its_processes(service: tuple[psutil.Process, str]) -> None:
     process, url = service
-    watch = watched(target(url))
+    watch = find_watched(target(url))
     [edge] = process.children()
     assert watch.services == "threads"
     assert watch.processes == {process: "tigas render", edge: "tigas edge"}, "also processes that do not listen"
 
 
 def test_the_browser_is_watched_as_a_child_of_the_experiment(service: tuple[psutil.Process, str]) -> None:
-    watch = watched(target(ELSEWHERE))
+    watch = find_watched(target(ELSEWHERE))
     assert watch.services == "elsewhere"
     assert service[0] in watch.processes
 
 
 @pytest.mark.usefixtures("no_children")
 def test_one_service_on_another_machine_is_told(service: tuple[psutil.Process, str]) -> None:
-    watch = watched(target(service[1], dash=ELSEWHERE))
+    watch = find_watched(target(service[1], dash=ELSEWHERE))
     assert watch.services == "elsewhere"
     assert service[0] in watch.processes
 
@@ -211,13 +211,13 @@ def test_one_service_on_another_machine_is_told(service: tuple[psutil.Process, s
 def test_what_listens_and_is_none_of_our_services_is_not_watched(service: tuple[psutil.Process, str]) -> None:
     with socket.create_server(("127.0.0.1", 0)) as proxy:
         port = proxy.getsockname()[1]
-        watch = watched(target(service[1], dash=f"http://127.0.0.1:{port}"))
+        watch = find_watched(target(service[1], dash=f"http://127.0.0.1:{port}"))
     assert watch.services == "processors"
     assert psutil.Process() not in watch.processes
 
 
 def test_all_of_a_lab_are_children(service: tuple[psutil.Process, str]) -> None:
-    watch = watched(Target("http://127.0.0.1:9", SERVER, lab=service[0]))
+    watch = find_watched(Target("http://127.0.0.1:9", SERVER, lab=service[0]))
     assert watch.services == "threads"
     assert watch.processes[service[0]] == "tigas render"
 
@@ -225,8 +225,8 @@ def test_all_of_a_lab_are_children(service: tuple[psutil.Process, str]) -> None:
 def test_which_hosts_are_this_machine() -> None:
     own = [each.address for card in psutil.net_if_addrs().values() for each in card if each.family == socket.AF_INET]
     for host in ("localhost", "127.0.0.1", "[::1]", *own):
-        assert is_here(f"http://{host}:8080"), host
-    assert not is_here(ELSEWHERE)
+        assert is_local(f"http://{host}:8080"), host
+    assert not is_local(ELSEWHERE)
 
 
 def test_a_name_that_leads_nowhere_is_not_this_machine(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -234,7 +234,7 @@ def test_a_name_that_leads_nowhere_is_not_this_machine(monkeypatch: pytest.Monke
         raise socket.gaierror
 
     monkeypatch.setattr(socket, "getaddrinfo", lost)
-    assert not is_here("http://tigas.invalid")
+    assert not is_local("http://tigas.invalid")
 
 
 @pytest.mark.parametrize(

@@ -31,7 +31,7 @@ from tigas_experiments.records.samples import (
 from tigas_experiments.records.scores import Score, write_scores
 from tigas_experiments.records.summary import summarise
 from tigas_experiments.samples.capture_truth import render_truth
-from tigas_experiments.samples.rerender import locked, rerender, sampled_runs
+from tigas_experiments.samples.rerender import lock_experiment, require_sampled_runs, rerender
 from tigas_experiments.wire.recording import Capture, Input
 
 pytestmark = pytest.mark.anyio
@@ -275,19 +275,21 @@ async def test_a_run_without_samples_is_left_alone(tmp_path: Path) -> None:
     assert (await made(run, FakeRenderer())).samples == ()
     assert not (run / RERENDERED).exists()
     with pytest.raises(StartError, match="has no samples: only runs with a `sample_stride` do"):
-        sampled_runs(tmp_path)
+        require_sampled_runs(tmp_path)
     with pytest.raises(StartError, match="neither a run nor an experiment"):
-        sampled_runs(tmp_path / "nothing")
+        require_sampled_runs(tmp_path / "nothing")
 
 
 async def test_runs_are_found_from_an_experiment_and_by_themselves(tmp_path: Path) -> None:
     write_run(tmp_path / "runs" / "old")
     sampled_run(tmp_path / "runs" / "new", [1])
-    assert sampled_runs(tmp_path) == sampled_runs(tmp_path / "runs" / "new") == [tmp_path / "runs" / "new"]
+    assert (
+        require_sampled_runs(tmp_path) == require_sampled_runs(tmp_path / "runs" / "new") == [tmp_path / "runs" / "new"]
+    )
     with (
-        locked(tmp_path / "runs" / "new"),
+        lock_experiment(tmp_path / "runs" / "new"),
         pytest.raises(StartError, match="Another command is using"),
-        locked(tmp_path),
+        lock_experiment(tmp_path),
     ):
         pass
 

@@ -12,7 +12,7 @@ import pytest
 
 from tests.experiments.made_up import write_run
 from tests.experiments.store.conftest import SCENE_BYTES, Running, by_command, plan, running_store, slug, upload
-from tigas_experiments.lock import EXPERIMENT, exclusive
+from tigas_experiments.lock import LOCK_NAME, hold_lock
 from tigas_experiments.quality.picture import CaptureQuality
 from tigas_experiments.records.folder import StoredRun, read_experiment, read_snapshot
 from tigas_experiments.records.load import LoadSample
@@ -126,7 +126,7 @@ async def test_what_a_command_makes_is_its_own(store: Running) -> None:
     ):
         assert (answer.status_code, answer.json()["type"]) == (409, "tigas:experiment-in-use")
     assert len(list((folder / "runs").iterdir())) == 1
-    with exclusive(folder / EXPERIMENT, "busy"):
+    with hold_lock(folder / LOCK_NAME, "busy"):
         refused = await store.http.delete("/experiments/made")
         assert (refused.status_code, refused.json()["type"]) == (409, "tigas:experiment-in-use")
         assert (folder / "experiment.json").is_file()

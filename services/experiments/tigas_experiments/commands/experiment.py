@@ -37,14 +37,14 @@ class Plan(_ExperimentCommand):
 
     def run(self) -> None:
         from tigas_experiments.run.experiment import Experiment
-        from tigas_experiments.run.plan import lasting
+        from tigas_experiments.run.plan import format_duration
 
         planned = Experiment.read(self.file, self.out, command_as_typed())
         missing = planned.missing()
         todo = {run.slug for run in missing}
         for run in planned.runs:
             print(f"{'missing ' if run.slug in todo else 'complete'}  {run.slug}")
-        print(f"{len(planned.runs)} runs, {len(missing)} missing, which will take about {lasting(missing)}.")
+        print(f"{len(planned.runs)} runs, {len(missing)} missing, which will take about {format_duration(missing)}.")
 
 
 class Run(_ExperimentCommand):
@@ -64,14 +64,14 @@ class Run(_ExperimentCommand):
         if self.url is not None and self.labs > 1:
             raise StartError("--url measures running services, and --labs starts several of them: choose one.")
         made = Experiment.read(self.file, self.out, command_as_typed())
-        perform(made, self.url, labs=self.labs, allow_changes=self.allow_changes)
+        run_experiment(made, self.url, labs=self.labs, allow_changes=self.allow_changes)
 
 
 def command_as_typed() -> str:
     return shlex.join(["tigas", *sys.argv[1:]])
 
 
-def perform(made: Experiment, url: str | None = None, *, labs: int, allow_changes: bool) -> None:
+def run_experiment(made: Experiment, url: str | None = None, *, labs: int, allow_changes: bool) -> None:
     """Make an experiment's missing runs and its report. Raises StartError, OSError, and SystemExit if runs fail."""
     try:
         _perform(made, url, labs, allow_changes)
@@ -82,20 +82,20 @@ def perform(made: Experiment, url: str | None = None, *, labs: int, allow_change
 def _perform(made: Experiment, url: str | None, labs: int, allow_changes: bool) -> None:
     from tigas_experiments.report.cli import Report
     from tigas_experiments.report.controllers import run_names
-    from tigas_experiments.run.experiment import reserved
-    from tigas_experiments.run.labs import make_in_labs
+    from tigas_experiments.run.experiment import reserve_folder
+    from tigas_experiments.run.labs import make_runs_in_labs
     from tigas_experiments.run.runner import make_missing_runs, progress
 
     def say(text: str) -> None:
         console.print(text, soft_wrap=True)
 
     console = make_console(stderr=True)
-    with reserved(made):
+    with reserve_folder(made):
         try:
             if missing := made.missing():
                 with progress(made, missing, run_names(made.runs), console) as callbacks:
                     if labs > 1:
-                        making = make_in_labs(made, missing, labs, callbacks, allow_changes=allow_changes)
+                        making = make_runs_in_labs(made, missing, labs, callbacks, allow_changes=allow_changes)
                     else:
                         making = make_missing_runs(made, missing, url, callbacks, allow_changes=allow_changes)
                     asyncio.run(making)

@@ -25,7 +25,7 @@ from tigas_common.parsing import describe_error
 from tigas_common.processes import handle_sigterm_as_ctrl_c
 from tigas_common.terminal import make_console
 from tigas_common.wire.model import WireModel
-from tigas_experiments.commands.experiment import Labs, command_as_typed, perform
+from tigas_experiments.commands.experiment import Labs, command_as_typed, run_experiment
 
 if TYPE_CHECKING:  # heavy
     from tigas_experiments.run.plan import ExperimentPlan
@@ -57,7 +57,7 @@ class Progress(WireModel):
     done: bool = False
 
     @classmethod
-    def of(cls, folder: Path) -> Self:
+    def read(cls, folder: Path) -> Self:
         try:
             return cls.model_validate_json((folder / PROGRESS).read_bytes())
         except (OSError, ValidationError):
@@ -102,13 +102,15 @@ class Evaluation(WireModel):
 
         if part.experiment is None:
             return None
-        return ExperimentPlan.of({**self.experiment, **self._keys(part), "name": part.name}, f"The part {part.name}")
+        return ExperimentPlan.from_data(
+            {**self.experiment, **self._keys(part), "name": part.name}, f"The part {part.name}"
+        )
 
     def _keys(self, part: Part) -> dict[str, Any]:
         inherited = {} if part.like is None else self._keys(self.part(part.like))
         return {**inherited, **(part.experiment or {})}
 
-    def needed(self, part: Part) -> list[str]:
+    def needed_inputs(self, part: Part) -> list[str]:
         """The files of `inputs` that a part uses."""
         plan = self.plan(part)
         names = () if plan is None else (*plan.movements, *plan.networks)
@@ -139,9 +141,9 @@ class Paper(Command):
             return
         handle_sigterm_as_ctrl_c()
         part = evaluation.part(self.part)
-        making = _Making(self.file.parent, self.out / part.name, self.data)
-        making.inputs({path: evaluation.inputs[path] for path in evaluation.needed(part)})
-        before, began, done = Progress.of(making.out), time.monotonic(), False
+        making = _PartMaker(self.file.parent, self.out / part.name, self.data)
+        making.inputs({path: evaluation.inputs[path] for path in evaluation.needed_inputs(part)})
+        before, began, done = Progress.read(making.out), time.monotonic(), False
         try:
             self._make(making, evaluation.plan(part), part.then, before)
             done = True
@@ -149,16 +151,16 @@ class Paper(Command):
             Progress(seconds=before.seconds + time.monotonic() - began, done=done).write(making.out)
             change_owner_to_caller(making.out)
 
-    def _make(self, making: _Making, plan: ExperimentPlan | None, then: Sequence[str], before: Progress) -> None:
+    def _make(self, making: _PartMaker, plan: ExperimentPlan | None, then: Sequence[str], before: Progress) -> None:
         from tigas_experiments.report.cli import Report
         from tigas_experiments.run.experiment import Experiment
 
         complete = before.done
         if plan is not None:
-            made = Experiment.of(plan, making.directory, making.out, command_as_typed())
+            made = Experiment.from_plan(plan, making.directory, making.out, command_as_typed())
             complete = complete and not made.missing()
             if not complete:
-                perform(made, labs=self.labs, allow_changes=self.allow_changes)
+                run_experiment(made, labs=self.labs, allow_changes=self.allow_changes)
         if complete:
             print(f"{making.out} is complete.")
             return
@@ -171,7 +173,7 @@ class Paper(Command):
     def _listed(self, evaluation: Evaluation) -> Table:
         table = Table("Part", "Shows", "On", "Minutes", "Done")
         for part in evaluation.parts:
-            progress = Progress.of(self.out / part.name)
+            progress = Progress.read(self.out / part.name)
             took = f"{progress.seconds / 60:.0f}" if progress.done else f"about {part.minutes:g}"
             began = "begun" if progress.seconds else ""
             table.add_row(part.name, part.shows, part.on, took, "yes" if progress.done else began)
@@ -179,7 +181,7 @@ class Paper(Command):
 
 
 @dataclass(frozen=True, slots=True)
-class _Making:
+class _PartMaker:
     directory: Path
     """Folder to which the experiment's paths are relative."""
     out: Path

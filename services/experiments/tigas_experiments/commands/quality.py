@@ -35,7 +35,7 @@ class Score(SamplesCommand):
     def run(self) -> None:
         handle_sigterm_as_ctrl_c()
         console = make_console(stderr=True)
-        asked = _asked(self.metrics)
+        asked = _parse_metrics(self.metrics)
         try:
             for problem in () if self.render is None else _render_truth(self.folder, self.render):
                 console.print(problem, style="yellow", soft_wrap=True)
@@ -93,7 +93,7 @@ quality = Group(
 )
 
 
-def _asked(names: str) -> list[PictureMetric]:
+def _parse_metrics(names: str) -> list[PictureMetric]:
     """The metrics with these names. Raises StartError."""
     from tigas_experiments.quality.metrics import PICTURE_METRICS
 
@@ -110,7 +110,7 @@ def _score(folder: Path, asked: list[PictureMetric], *, again: bool) -> tuple[li
     """The scores, and warnings about them. Raises StartError and OSError."""
     import torch
 
-    from tigas_experiments.lock import EXPERIMENT, exclusive
+    from tigas_experiments.lock import LOCK_NAME, hold_lock
     from tigas_experiments.quality.metrics import Meters
     from tigas_experiments.records.files import BrokenRecording
     from tigas_experiments.report.picture_scores import rows
@@ -118,15 +118,15 @@ def _score(folder: Path, asked: list[PictureMetric], *, again: bool) -> tuple[li
     from tigas_experiments.scoring import Scoring
 
     runs, lock = _runs(folder)
-    meters = Meters.of([metric.name for metric in asked], "cuda" if torch.cuda.is_available() else "cpu")
-    sentences = [*meters.left_out]
+    meters = Meters.create([metric.name for metric in asked], "cuda" if torch.cuda.is_available() else "cpu")
+    sentences = [*meters.unavailable]
     if not meters.single and not meters.video:
         raise StartError(" ".join(sentences))
     scorings: dict[Path, Scoring] = {}
     scored = []
     finished, current = 0, ""
     busy = f"Runs in {lock} are being made or scored; try again later."
-    with exclusive(lock / EXPERIMENT, busy), progress_bar() as show:
+    with hold_lock(lock / LOCK_NAME, busy), progress_bar() as show:
 
         def on_progress(steps: int) -> None:
             nonlocal finished
@@ -147,7 +147,7 @@ def _score(folder: Path, asked: list[PictureMetric], *, again: bool) -> tuple[li
         for run, scoring in scorings.items():
             current = run.name
             scores, record = scoring.score(), _record(run)
-            sentences += _doubts(run, scoring)
+            sentences += _warnings(run, scoring)
             if len(runs) > 1 and record is not None and record.status != "complete":
                 left_out += 1
             else:
@@ -162,10 +162,10 @@ def _render_truth(folder: Path, render: str) -> Iterator[str]:
     """Render missing ground truth, and yield problems. Raises StartError and OSError."""
     from tigas_common.render_requests import RenderClient
     from tigas_experiments.samples.capture_truth import render_truth
-    from tigas_experiments.samples.rerender import locked, with_samples
+    from tigas_experiments.samples.rerender import find_sampled_runs, lock_experiment
 
     runs, _ = _runs(folder)
-    if with_samples(folder):
+    if find_sampled_runs(folder):
         for sampled in rerender_all(folder, render):
             yield from (f"{sampled.folder}: {problem}" for problem in sampled.problems)
 
@@ -181,7 +181,7 @@ def _render_truth(folder: Path, render: str) -> Iterator[str]:
                     problems.append(f"{run.name}: {problem}")
         return problems
 
-    with locked(folder), progress_bar() as show:
+    with lock_experiment(folder), progress_bar() as show:
         yield from asyncio.run(all_of_them(show))
 
 
@@ -196,12 +196,12 @@ def _record(run: Path) -> RunRecord | None:
         return None
 
 
-def _doubts(run: Path, scoring: Scoring) -> Iterator[str]:
-    from tigas_experiments.records.samples import sampled_run
+def _warnings(run: Path, scoring: Scoring) -> Iterator[str]:
+    from tigas_experiments.records.samples import read_sampled_run
 
     for name, why in scoring.problems.items():
         yield f"{run.name}, {name}: {why}"
-    sampled = sampled_run(run)
+    sampled = read_sampled_run(run)
     if different := sampled.different:
         yield (
             f"{run.name}: on rendering again, {different} of {len(sampled.samples)} samples differed, so their "
@@ -211,11 +211,11 @@ def _doubts(run: Path, scoring: Scoring) -> Iterator[str]:
 
 def _runs(folder: Path) -> tuple[list[Path], Path]:
     """Folders with samples, and the folder to lock. Raises StartError."""
-    from tigas_experiments.records.folder import experiment_of
+    from tigas_experiments.records.folder import experiment_folder
     from tigas_experiments.report.run_table import run_folders
 
     if (folder / "samples").is_dir() or (folder / "run.json").exists():
-        return [folder], experiment_of(folder)
+        return [folder], experiment_folder(folder)
     return run_folders(folder), folder
 
 

@@ -73,13 +73,13 @@ def render_url(folder: Path, given: str | None) -> Iterator[str]:
     """The URL of the given render service, or of one that runs during the context. Raises StartError."""
     from tigas_common.render_requests import run_render_service
     from tigas_experiments.records.files import BrokenRecording
-    from tigas_experiments.records.folder import experiment_of, read_experiment
+    from tigas_experiments.records.folder import experiment_folder, read_experiment
 
     if given is not None:
         yield given
         return
     try:
-        ladder = read_experiment(experiment_of(folder)).plan.get("ladder")
+        ladder = read_experiment(experiment_folder(folder)).plan.get("ladder")
     except BrokenRecording:  # a run outside an experiment
         ladder = None
     with run_render_service(ladder="paper" if ladder == "paper" else "scene") as url:
@@ -89,9 +89,9 @@ def render_url(folder: Path, given: str | None) -> Iterator[str]:
 def rerender_all(folder: Path, render: str, *, again: bool = False) -> list[SampledRun]:
     """Render all samples of a run or an experiment, with a progress bar. Raises StartError and OSError."""
     from tigas_common.render_requests import RenderClient
-    from tigas_experiments.samples.rerender import locked, rerender, sampled_runs
+    from tigas_experiments.samples.rerender import lock_experiment, require_sampled_runs, rerender
 
-    runs = sampled_runs(folder)
+    runs = require_sampled_runs(folder)
 
     async def all_of_them(show: Callable[[float, str], None]) -> list[SampledRun]:
         outcomes = []
@@ -104,5 +104,5 @@ def rerender_all(folder: Path, render: str, *, again: bool = False) -> list[Samp
                 outcomes.append(await rerender(run, renderer, on_progress, again=again))
         return outcomes
 
-    with locked(folder), progress_bar() as show:
+    with lock_experiment(folder), progress_bar() as show:
         return asyncio.run(all_of_them(show))

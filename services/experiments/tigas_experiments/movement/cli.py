@@ -66,13 +66,13 @@ class Import(Command):
         if self.settings is None:
             if self.metre is not None:
                 raise StartError("--metre needs --settings.")
-            made = eyenavgs.in_its_scene(way, _axis(self.up or "0,-1,0"))
+            made = eyenavgs.to_recorded_scene(way, _axis(self.up or "0,-1,0"))
             changes = "in the scene's own place"
         else:
             if self.up is not None:
                 raise StartError("--up cannot be combined with --settings.")
-            chosen = eyenavgs.read_settings(self.settings, eyenavgs.scene_of(self.recording))
-            made = eyenavgs.from_the_start(way, chosen)
+            chosen = eyenavgs.read_settings(self.settings, eyenavgs.scene_name(self.recording))
+            made = eyenavgs.to_start_anchor(way, chosen)
             changes = (
                 f"levelled, divided by the scene's scale {chosen.scale:g}, moved and turned to begin at the origin"
             )
@@ -104,7 +104,7 @@ class Show(Command):
         if self.plot is not None and self.plot.suffix.lower() not in PICTURES:
             raise StartError(f"{self.plot}: the file name must end in {', '.join(PICTURES)}.")
         trace = MovementTrace.read(self.file)
-        summary, gaps = Summary.of(trace), trace.gaps_ms
+        summary, gaps = Summary.from_trace(trace), trace.gaps_ms
         unit = "m" if trace.unit == "m" else "units"
         begins = {"start": "at the scene's start camera", "scene": "where it is in the scene"}
         facts = Table(show_header=False, box=None)
@@ -148,7 +148,7 @@ def _axis(text: str) -> list[float]:
 
 
 def _write(trace: MovementTrace, out: Path) -> None:
-    text = trace.text()
+    text = trace.to_csv()
     trace.parse(text, f"What would be written to {out}")  # fails for positions enlarged by a tiny scale, for example
     try:
         with out.open("x", encoding="utf-8", newline="\n") as file:

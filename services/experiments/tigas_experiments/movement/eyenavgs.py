@@ -21,7 +21,7 @@ from tigas_experiments.movement.table import MovementError, Table, read_text
 from tigas_experiments.movement.trace import (
     TOO_FAR,
     MovementTrace,
-    level,
+    level_rotation,
     unit_quaternions,
 )
 from tigas_experiments.wire.movement import MAX_COORDINATE, MAX_DURATION_MS
@@ -33,7 +33,7 @@ TIMES = ("timestep", "Timestamp")
 POSE = ("PositionX", "PositionY", "PositionZ", "QuaternionX", "QuaternionY", "QuaternionZ", "QuaternionW")
 FLIP = np.array((1.0, -1.0, -1.0))
 """Factors for positions and rotation axes that turn the frame by 180° about x."""
-MOST_LEFT_OUT = 0.01
+MAX_SKIPPED_SHARE = 0.01
 SOURCE = "EyeNavGS (Ding et al. 2025, arXiv:2506.02380)"
 
 
@@ -53,14 +53,14 @@ def read_eyes(path: Path, eye: Eye) -> MovementTrace:
     time = next((column for column in TIMES if column in table.columns), None)
     if time is None:
         raise MovementError(f"{path} is not a recording of EyeNavGS: it has no column {' or '.join(TIMES)}.")
-    values = table.numbers(("ViewIndex", time, *POSE))
+    values = table.read_numbers(("ViewIndex", time, *POSE))
     views, times, positions = values[:, 0], values[:, 1], values[:, 2:5]
-    table.refuse(~np.isin(views, list(VIEWS.values())), "has a ViewIndex that is neither 0 nor 1")
-    table.refuse(np.abs(times - times[0]) > MAX_DURATION_MS, "is more than a day after the first")
-    table.refuse(np.abs(positions).max(axis=1) > MAX_COORDINATE, TOO_FAR)
+    table.reject_rows(~np.isin(views, list(VIEWS.values())), "has a ViewIndex that is neither 0 nor 1")
+    table.reject_rows(np.abs(times - times[0]) > MAX_DURATION_MS, "is more than a day after the first")
+    table.reject_rows(np.abs(positions).max(axis=1) > MAX_COORDINATE, TOO_FAR)
     quaternions, notes = unit_quaternions(table, values[:, 5:])
     quaternions[:, :3] *= FLIP
-    ways = {}
+    traces = {}
     for side, view in VIEWS.items():
         if eye not in (side, "middle"):
             continue
@@ -71,27 +71,27 @@ def read_eyes(path: Path, eye: Eye) -> MovementTrace:
         latest = np.maximum.accumulate(times[mine])
         kept = np.diff(latest, prepend=-np.inf) > 0
         if left_out := int((~kept).sum()):
-            if left_out > MOST_LEFT_OUT * len(kept):
+            if left_out > MAX_SKIPPED_SHARE * len(kept):
                 raise MovementError(f"{path} is out of order: {left_out:,} of {len(kept):,} rows go back.")
             notes.append(f"Rows of the {side} eye that are not later than all before them were left out: {left_out:,}.")
-        ways[side] = MovementTrace(
+        traces[side] = MovementTrace(
             times[mine][kept], positions[mine][kept] * FLIP, quaternions[mine][kept], "scene", "scene"
         )
-    way = _middle(ways["left"], ways["right"], str(path)) if eye == "middle" else ways[eye]
-    return replace(way, times_ms=way.times_ms - way.times_ms[0], notes=(*notes, *way.gap_notes()))
+    trace = _midpoint(traces["left"], traces["right"], str(path)) if eye == "middle" else traces[eye]
+    return replace(trace, times_ms=trace.times_ms - trace.times_ms[0], notes=(*notes, *trace.gap_notes()))
 
 
-def in_its_scene(way: MovementTrace, up: Sequence[float]) -> MovementTrace:
+def to_recorded_scene(trace: MovementTrace, up: Sequence[float]) -> MovementTrace:
     """The path in the levelled frame of its recorded scene, which has this up axis."""
-    return _turned(way, level(up).inv())
+    return _rotate(trace, level_rotation(up).inv())
 
 
-def from_the_start(way: MovementTrace, settings: SceneSettings) -> MovementTrace:
+def to_start_anchor(trace: MovementTrace, settings: SceneSettings) -> MovementTrace:
     """The path as a walk through any scene: levelled, in metres, starting at the origin with z ahead."""
     x, y, z, w = settings.level
-    walk = _turned(way, Rotation.from_quat((x, -y, -z, w)))
+    walk = _rotate(trace, Rotation.from_quat((x, -y, -z, w)))
     ahead = Rotation.from_quat(walk.quaternions[0]).apply((0, 0, 1))
-    walk = _turned(
+    walk = _rotate(
         replace(walk, positions=(walk.positions - walk.positions[0]) / settings.scale),
         Rotation.from_rotvec((0, -math.atan2(ahead[0], ahead[2]), 0)),
     )
@@ -117,11 +117,11 @@ def read_settings(path: Path, scene: str) -> SceneSettings:
     raise MovementError(f"{path}: the scene {scene!r} has no numeric Scale and Quaternion.")
 
 
-def scene_of(path: Path) -> str:
+def scene_name(path: Path) -> str:
     return path.stem.partition("_")[2]
 
 
-def _middle(left: MovementTrace, right: MovementTrace, name: str) -> MovementTrace:
+def _midpoint(left: MovementTrace, right: MovementTrace, name: str) -> MovementTrace:
     """The midpoint of the eyes, at those times of the left one at which the right one was also recorded."""
     times = left.times_ms[(left.times_ms >= right.times_ms[0]) & (left.times_ms <= right.times_ms[-1])]
     if not len(times):
@@ -132,9 +132,9 @@ def _middle(left: MovementTrace, right: MovementTrace, name: str) -> MovementTra
     return replace(left, times_ms=times, positions=(left_at + right_at) / 2, quaternions=middle.as_quat())
 
 
-def _turned(way: MovementTrace, rotation: Rotation) -> MovementTrace:
+def _rotate(trace: MovementTrace, rotation: Rotation) -> MovementTrace:
     return replace(
-        way,
-        positions=rotation.apply(way.positions),
-        quaternions=(rotation * Rotation.from_quat(way.quaternions)).as_quat(),
+        trace,
+        positions=rotation.apply(trace.positions),
+        quaternions=(rotation * Rotation.from_quat(trace.quaternions)).as_quat(),
     )

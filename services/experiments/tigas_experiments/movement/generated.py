@@ -39,21 +39,21 @@ def generate(kind: str, duration_s: float, seed: int) -> MovementTrace:
     return MovementTrace(times * 1000, positions, rotations.as_quat(), "start", "m", comments)
 
 
-def stroll(times: Floats, chance: Random) -> tuple[Floats, Rotation]:
+def stroll(times: Floats, rng: Random) -> tuple[Floats, Rotation]:
     """Walking back and forth while looking around: sums of slow sines."""
-    yaw, pitch = _wave(chance, 50, 5, 11), _wave(chance, 8, 4, 9)
-    aside, ahead = _wave(chance, 0.12 * VIEW_M, 8, 13), _wave(chance, 0.2 * VIEW_M, 9, 17)
+    yaw, pitch = _wave(rng, 50, 5, 11), _wave(rng, 8, 4, 9)
+    aside, ahead = _wave(rng, 0.12 * VIEW_M, 8, 13), _wave(rng, 0.2 * VIEW_M, 9, 17)
     positions = np.column_stack((aside(times), np.zeros_like(times), ahead(times)))
-    return positions, _turned(yaw(times), pitch(times))
+    return positions, _from_angles(yaw(times), pitch(times))
 
 
-def look_around(times: Floats, chance: Random) -> tuple[Floats, Rotation]:
+def look_around(times: Floats, rng: Random) -> tuple[Floats, Rotation]:
     """Standing and looking around, with slight tilts of the head."""
-    yaw, pitch, roll = _wave(chance, 80, 7, 13), _wave(chance, 15, 5, 11), _wave(chance, 4, 6, 10)
-    return _standing(_turned(yaw(times), pitch(times), roll(times)))
+    yaw, pitch, roll = _wave(rng, 80, 7, 13), _wave(rng, 15, 5, 11), _wave(rng, 4, 6, 10)
+    return _turn_on_neck(_from_angles(yaw(times), pitch(times), roll(times)))
 
 
-def quick_turns(times: Floats, chance: Random) -> tuple[Floats, Rotation]:
+def quick_turns(times: Floats, rng: Random) -> tuple[Floats, Rotation]:
     """Standing and turning abruptly between targets: pauses, then turns by 30° to 150°.
 
     A turn of A degrees takes 0.3 s + A / 300°/s and follows the minimum-jerk profile 10τ³ − 15τ⁴ + 6τ⁵ (Flash and
@@ -62,12 +62,12 @@ def quick_turns(times: Floats, chance: Random) -> tuple[Floats, Rotation]:
     begins, lasts, yaws, pitches = [0.0], [1.0], [0.0], [0.0]  # the initial pause is a turn by 0°
     end = 0.0
     while end <= times[-1]:
-        begin = end + chance.uniform(0.5, 2)
-        angle = chance.uniform(30, 150)
+        begin = end + rng.uniform(0.5, 2)
+        angle = rng.uniform(30, 150)
         begins.append(begin)
         lasts.append(0.3 + angle / 300)
-        yaws.append(yaws[-1] + (angle if chance.random() < 0.5 else -angle))
-        pitches.append(chance.uniform(-15, 15))
+        yaws.append(yaws[-1] + (angle if rng.random() < 0.5 else -angle))
+        pitches.append(rng.uniform(-15, 15))
         end = begin + lasts[-1]
     turn = np.searchsorted(begins, times, side="right") - 1
     tau = np.clip((times - np.take(begins, turn)) / np.take(lasts, turn), 0, 1)
@@ -76,17 +76,17 @@ def quick_turns(times: Floats, chance: Random) -> tuple[Floats, Rotation]:
         np.take(angles, np.maximum(turn - 1, 0)) * (1 - share) + np.take(angles, turn) * share
         for angles in (yaws, pitches)
     )
-    return _standing(_turned(yaw, pitch))
+    return _turn_on_neck(_from_angles(yaw, pitch))
 
 
-def orbit(times: Floats, chance: Random) -> tuple[Floats, Rotation]:
+def orbit(times: Floats, rng: Random) -> tuple[Floats, Rotation]:
     """Walking around the start camera's subject and facing it, at varying distance and height."""
-    turning = chance.choice((-1, 1)) * math.tau / (ORBIT_S * chance.uniform(0.8, 1.2))
-    distance = VIEW_M + _wave(chance, 0.25, 9, 17)(times)
-    lower = _wave(chance, 0.1, 7, 12)(times)
+    turning = rng.choice((-1, 1)) * math.tau / (ORBIT_S * rng.uniform(0.8, 1.2))
+    distance = VIEW_M + _wave(rng, 0.25, 9, 17)(times)
+    lower = _wave(rng, 0.1, 7, 12)(times)
     yaw = turning * times
     positions = np.column_stack((-distance * np.sin(yaw), lower, VIEW_M - distance * np.cos(yaw)))
-    return positions, _turned(np.degrees(yaw), np.degrees(np.arctan2(lower, distance)))
+    return positions, _from_angles(np.degrees(yaw), np.degrees(np.arctan2(lower, distance)))
 
 
 KINDS: Mapping[str, Generator] = {
@@ -103,9 +103,9 @@ DESCRIPTIONS = {
 }
 
 
-def _wave(chance: Random, amplitude: float, *periods_s: float) -> Wave:
+def _wave(rng: Random, amplitude: float, *periods_s: float) -> Wave:
     """A sum of slow sines that starts at 0, with random phases, and periods that vary randomly by a fifth."""
-    parts = [(amplitude / len(periods_s), period * chance.uniform(0.8, 1.2), chance.random()) for period in periods_s]
+    parts = [(amplitude / len(periods_s), period * rng.uniform(0.8, 1.2), rng.random()) for period in periods_s]
 
     def at(times: Floats) -> Floats:
         total = np.zeros_like(times)
@@ -116,12 +116,12 @@ def _wave(chance: Random, amplitude: float, *periods_s: float) -> Wave:
     return at
 
 
-def _turned(yaw: Floats, pitch: Floats, roll: Floats | None = None) -> Rotation:
+def _from_angles(yaw: Floats, pitch: Floats, roll: Floats | None = None) -> Rotation:
     """R = Ry(yaw) · Rx(pitch) · Rz(roll) from degrees [N]: to the right, upwards, clockwise."""
     angles = np.column_stack((yaw, pitch, np.zeros_like(yaw) if roll is None else roll))
     return Rotation.from_euler("YXZ", angles, degrees=True)
 
 
-def _standing(rotations: Rotation) -> tuple[Floats, Rotation]:
+def _turn_on_neck(rotations: Rotation) -> tuple[Floats, Rotation]:
     """Positions and rotations of the eyes of a head that turns on its neck."""
     return rotations.apply(NECK_TO_EYES) - np.array(NECK_TO_EYES), rotations

@@ -17,7 +17,7 @@ INTERVAL_MS = 100.0
 PERCENTILES = (50, 90, 95, 99, 100)
 BLUE, ORANGE, GREEN = "#0072b2", "#d55e00", "#009e73"
 """Okabe and Ito's colour-blind palette."""
-MOST = 5000
+MAX_DRAWN_POSES = 5000
 """Maximum number of poses to draw."""
 
 
@@ -32,7 +32,7 @@ class Pace(NamedTuple):
     """[M], in degrees per second."""
 
     @classmethod
-    def of(cls, trace: MovementTrace) -> Pace:
+    def from_trace(cls, trace: MovementTrace) -> Pace:
         count = max(1, round(trace.duration_ms / INTERVAL_MS))
         times = np.linspace(0, trace.duration_ms, count + 1)
         positions, quaternions = trace.poses_at(times)
@@ -57,8 +57,8 @@ class Summary(NamedTuple):
     """Turning speed in degrees per second, by percentile over time."""
 
     @classmethod
-    def of(cls, trace: MovementTrace) -> Summary:
-        pace, seconds = Pace.of(trace), trace.duration_ms / 1000
+    def from_trace(cls, trace: MovementTrace) -> Summary:
+        pace, seconds = Pace.from_trace(trace), trace.duration_ms / 1000
         steps = np.diff(trace.times_ms)
         path = float(pace.moved.sum())
         return cls(
@@ -79,7 +79,7 @@ def plot_movement(trace: MovementTrace, title: str, path: Path) -> None:
     """
     from matplotlib.figure import Figure  # heavy
 
-    times = np.linspace(0, trace.duration_ms, min(MOST, len(trace.times_ms)))
+    times = np.linspace(0, trace.duration_ms, min(MAX_DRAWN_POSES, len(trace.times_ms)))
     positions, quaternions = trace.poses_at(times)
     matrix = Rotation.from_quat(quaternions).as_matrix()
     # R = Ry(yaw) · Rx(pitch) · Rz(roll); as_euler would warn about a camera that looks straight down
@@ -100,7 +100,7 @@ def plot_movement(trace: MovementTrace, title: str, path: Path) -> None:
         panels["angles"].plot(times / 1000, np.degrees(values), color=colour, linewidth=1, label=label)
     panels["angles"].set_ylabel("degrees")
     panels["angles"].legend(frameon=False, loc="upper left", bbox_to_anchor=(1, 1))
-    pace = Pace.of(trace)
+    pace = Pace.from_trace(trace)
     panels["turning"].stairs(pace.turning, pace.times_s, baseline=None, color=BLUE, linewidth=1)
     panels["turning"].set(xlabel="s", ylabel="degrees a second")
     for panel in panels.values():

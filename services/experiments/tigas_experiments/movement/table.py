@@ -71,7 +71,7 @@ class Table:
         if twice := next((column for column in self.columns if self.columns.count(column) > 1), None):
             raise MovementError(f"{name} has the column {twice[:40]!r} twice.")
 
-    def numbers(self, columns: Sequence[str]) -> Floats:
+    def read_numbers(self, columns: Sequence[str]) -> Floats:
         """Values [rows, columns], finite and with finite squares.
 
         Raises MovementError naming the first line that is not numeric.
@@ -93,21 +93,21 @@ class Table:
                 ndmin=2,
             )
         except ValueError:
-            raise self._broken(wanted) from None
+            raise self._describe_broken(wanted) from None
         if len(values) > MAX_ROWS:
             raise MovementError(f"{self.name} has more than {MAX_ROWS:,} rows.")
         usable = np.abs(values) < MAX_NUMBER  # false for NaN as well
-        self.refuse(np.logical_not(usable.all(axis=1)), "has a value that is not finite, or far too large")
+        self.reject_rows(np.logical_not(usable.all(axis=1)), "has a value that is not finite, or far too large")
         return values
 
-    def refuse(self, where: NDArray[np.bool_], what: str) -> None:
+    def reject_rows(self, where: NDArray[np.bool_], what: str) -> None:
         """Raise MovementError for the first row marked in `where` [rows], if any."""
         if where.any():
             wanted = int(np.argmax(where))
             line = next(itertools.islice(self._rows(), wanted, None))[0]
             raise MovementError(f"{self.name}, line {line}: the row {what}.")
 
-    def _broken(self, wanted: Sequence[int]) -> MovementError:
+    def _describe_broken(self, wanted: Sequence[int]) -> MovementError:
         """Error about the first line without numbers in the wanted columns."""
         for line, content in self._rows():
             cells = content.split(",")

@@ -28,7 +28,7 @@ from tigas_experiments.wire.movement import (
 )
 
 TOO_FAR = f"is farther away than {MAX_COORDINATE:,.0f}"
-ROUNDED = 0.01
+LENGTH_TOLERANCE = 0.01
 """Deviation of a quaternion's length from 1 above which a note is added."""
 GAP_MS = 100.0
 """Step between poses above which it counts as a gap, as interpolation becomes noticeable."""
@@ -67,21 +67,21 @@ class MovementTrace:
         if "ViewIndex" in table.columns:
             raise MovementError(f"{name} is a recording of EyeNavGS; convert it with `tigas movement import`.")
         comments = dict(table.comments)
-        anchor = _choice(comments.pop("anchor", "scene"), ANCHORS, name, "anchor")
-        unit = _choice(comments.pop("unit", "scene"), UNITS, name, "unit")
+        anchor = _parse_choice(comments.pop("anchor", "scene"), ANCHORS, name, "anchor")
+        unit = _parse_choice(comments.pop("unit", "scene"), UNITS, name, "unit")
         if (anchor, unit) == ("scene", "m"):
             raise MovementError(
                 f"{name}: `anchor: scene` is in the scene's own unit; only `anchor: start` may be in m."
             )
-        values = table.numbers(COLUMNS)
+        values = table.read_numbers(COLUMNS)
         notes = []
         if unknown := [column for column in table.columns if column not in COLUMNS]:
             notes.append(f"Unknown columns were ignored: {', '.join(unknown)[:200]}.")
         times = values[:, 0] - values[0, 0]
         steps = np.diff(times, prepend=-1.0)
-        table.refuse(steps < 0, "is earlier than the previous one")
-        table.refuse(times > MAX_DURATION_MS, "is more than a day after the first")
-        table.refuse(np.abs(values[:, 1:4]).max(axis=1) > MAX_COORDINATE, TOO_FAR)
+        table.reject_rows(steps < 0, "is earlier than the previous one")
+        table.reject_rows(times > MAX_DURATION_MS, "is more than a day after the first")
+        table.reject_rows(np.abs(values[:, 1:4]).max(axis=1) > MAX_COORDINATE, TOO_FAR)
         quaternions, scaled = unit_quaternions(table, values[:, 4:])
         kept = steps != 0
         if same := int((~kept).sum()):
@@ -89,7 +89,7 @@ class MovementTrace:
         trace = cls(times[kept], values[kept, 1:4], quaternions[kept], anchor, unit, comments)
         return replace(trace, notes=(*notes, *scaled, *trace.gap_notes()))
 
-    def text(self) -> str:
+    def to_csv(self) -> str:
         """The trace as CSV, with microseconds for times and six decimals for everything else."""
         comments = {"anchor": self.anchor, "unit": self.unit, **self.comments}
         head = [f"# {key}: {' '.join(value.split())}" for key, value in comments.items()]
@@ -129,7 +129,7 @@ class MovementTrace:
             return positions, np.repeat(self.quaternions, len(at), axis=0)
         return positions, Slerp(self.times_ms, Rotation.from_quat(self.quaternions))(at).as_quat()
 
-    def part(self, from_ms: float, to_ms: float) -> MovementTrace:
+    def slice(self, from_ms: float, to_ms: float) -> MovementTrace:
         """Cut out a part: from `from_ms`, which becomes time 0, to the first pose at or after `to_ms`."""
         first, last = np.searchsorted(self.times_ms, from_ms, side="right"), np.searchsorted(self.times_ms, to_ms) + 1
         begin = (self.positions[:1], self.quaternions[:1]) if from_ms == 0 else self.poses_at([from_ms])  # exact
@@ -145,8 +145,10 @@ def unit_quaternions(table: Table, quaternions: Floats) -> tuple[Floats, list[st
     """Unit quaternions [N, 4] for the rows of a table, and a note if some had to be scaled. Raises MovementError."""
     lengths = np.linalg.norm(quaternions, axis=1)
     low, high = QUATERNION_LENGTHS
-    table.refuse((lengths < low) | (lengths > high), "has a quaternion that is not a rotation: its length is not 1")
-    scaled = int((np.abs(lengths - 1) > ROUNDED).sum())
+    table.reject_rows(
+        (lengths < low) | (lengths > high), "has a quaternion that is not a rotation: its length is not 1"
+    )
+    scaled = int((np.abs(lengths - 1) > LENGTH_TOLERANCE).sum())
     notes = [f"Quaternions normalised to length 1: {scaled:,}."] if scaled else []
     return quaternions / lengths[:, None], notes
 
@@ -155,25 +157,25 @@ def _cell(value: float) -> str:
     return f"{value:.6f}".rstrip("0").rstrip(".")
 
 
-def _choice(value: str, known: tuple[T, ...], name: str, key: str) -> T:
+def _parse_choice(value: str, known: tuple[T, ...], name: str, key: str) -> T:
     for one in known:
         if value == one:
             return one
     raise MovementError(f"{name}: its {key} is {value[:30]!r}, and not {' or '.join(known)}.")
 
 
-def placed(trace: MovementTrace, scene: SceneInfo) -> list[TimedPose]:
+def place_in_scene(trace: MovementTrace, scene: SceneInfo) -> list[TimedPose]:
     """The poses of a movement in the scene's own frame and unit.
 
     With `anchor: start`, it begins at the start camera's position, turned by its azimuth but not by its elevation, as a
     movement starts out level. In a scene without a start camera, it begins at the origin.
     """
-    to_scene = level(scene.up)
+    to_scene = level_rotation(scene.up)
     positions, rotations = trace.positions, Rotation.from_quat(trace.quaternions)
     if trace.anchor == "start":
-        origin, azimuth = _start(scene, to_scene)
+        origin, azimuth = _start_pose(scene, to_scene)
         turn = Rotation.from_rotvec((0, azimuth, 0))
-        scale = metre(scene) if trace.unit == "m" else 1.0
+        scale = units_per_metre(scene) if trace.unit == "m" else 1.0
         positions, rotations = origin + scale * turn.apply(positions), turn * rotations
     poses = to_scene.apply(positions).tolist(), (to_scene * rotations).as_quat().tolist()
     return [
@@ -182,7 +184,7 @@ def placed(trace: MovementTrace, scene: SceneInfo) -> list[TimedPose]:
     ]
 
 
-def level(up: Sequence[float]) -> Rotation:
+def level_rotation(up: Sequence[float]) -> Rotation:
     """Shortest rotation from the levelled frame, in which up is [0, -1, 0], to a scene's frame with this up axis."""
     towards = np.asarray(up) / (np.linalg.norm(up) or 1.0)
     axis = np.cross((0.0, -1.0, 0.0), towards)
@@ -192,14 +194,14 @@ def level(up: Sequence[float]) -> Rotation:
     return Rotation.from_rotvec(axis / sine * math.atan2(sine, cosine))
 
 
-def metre(scene: SceneInfo) -> float:
+def units_per_metre(scene: SceneInfo) -> float:
     """Scene units per metre, with the start camera's subject `VIEW_M` away; 1 without a start camera."""
     if scene.camera is None:
         return 1.0
     return math.dist(scene.camera.position, scene.camera.look_at) / VIEW_M or 1.0
 
 
-def _start(scene: SceneInfo, to_scene: Rotation) -> tuple[Floats, float]:
+def _start_pose(scene: SceneInfo, to_scene: Rotation) -> tuple[Floats, float]:
     """Position and azimuth in radians of the start camera, in the levelled frame."""
     if scene.camera is None:
         return np.zeros(3), 0.0

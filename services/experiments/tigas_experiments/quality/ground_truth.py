@@ -16,18 +16,18 @@ from tigas_experiments.quality.picture import (
     Quality,
     compare,
     decode,
-    decode_shown,
+    decode_screen,
 )
 from tigas_experiments.wire.recording import Capture, Input, Lens
 
 
-def pose_of(inputs: Sequence[Input], pose: int) -> Input | None:
+def find_input(inputs: Sequence[Input], pose: int) -> Input | None:
     """The input with this pose number, if there is one."""
     index = bisect_right([entry.pose for entry in inputs], pose) - 1
     return inputs[index] if index >= 0 and inputs[index].pose == pose else None
 
 
-def pose_at(inputs: Sequence[Input], at: float) -> Input | None:
+def input_at(inputs: Sequence[Input], at: float) -> Input | None:
     """The newest input at a time; None before the first input."""
     index = bisect_right([entry.at for entry in inputs], at) - 1
     return inputs[index] if index >= 0 else None
@@ -54,12 +54,12 @@ class GroundTruth:
 
         predicted: whether frames were requested for predicted poses, which the recording lacks.
         """
-        current = pose_at(inputs, capture.at)
+        current = input_at(inputs, capture.at)
         if current is None:
             return None
-        picture, uncovered = decode_shown(shown)
+        picture, uncovered = decode_screen(shown)
         as_rendered = capture.view is None and not predicted
-        turned_to = pose_at(inputs, capture.shown_at) if capture.view is None else pose_of(inputs, capture.view)
+        turned_to = input_at(inputs, capture.shown_at) if capture.view is None else find_input(inputs, capture.view)
         known: dict[Input, Quality] = {}
 
         async def against(pose: Input | None) -> Quality | None:
@@ -73,7 +73,7 @@ class GroundTruth:
             at=capture.at,
             pose=capture.pose,
             rung=capture.rung,
-            picture=await against(pose_of(inputs, capture.pose) if as_rendered else None),
+            picture=await against(find_input(inputs, capture.pose) if as_rendered else None),
             view=await against(turned_to),
             seen=await against(current),
             uncovered=uncovered,

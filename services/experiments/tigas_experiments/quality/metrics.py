@@ -21,7 +21,7 @@ if TYPE_CHECKING:  # heavy
 Name = Literal["psnr", "ssim", "vmaf", "vif", "lpips", "dists"]
 VIDEO: tuple[Name, ...] = ("vmaf", "vif")
 """Metrics computed on a sequence of pictures."""
-MOST_TOGETHER = 2_000_000
+MAX_BATCH_PIXELS = 2_000_000
 """Pixels above which pictures are compared one at a time, as DISTS takes 1.6 GB per megapixel of a pair."""
 
 
@@ -67,11 +67,11 @@ class Meters:
     single: list[Meter] = field(default_factory=list)
     video: bool = False
     """Whether VMAF and VIFp are available."""
-    left_out: list[str] = field(default_factory=list)
+    unavailable: list[str] = field(default_factory=list)
     """One sentence for each unavailable metric."""
 
     @classmethod
-    def of(cls, names: Sequence[Name], device: str) -> Meters:
+    def create(cls, names: Sequence[Name], device: str) -> Meters:
         """The available ones of these metrics. Raises StartError if the device does not exist."""
         from tigas_experiments.quality import perceptual, vmaf
 
@@ -84,13 +84,13 @@ class Meters:
                 try:
                     found.single.append(Meter((name,), distance(load(), device)))
                 except MetricUnavailable as error:
-                    found.left_out.append(str(error))
+                    found.unavailable.append(str(error))
         if set(VIDEO) & set(names):
             try:
                 vmaf.ffmpeg()
                 found.video = True
             except MetricUnavailable as error:
-                found.left_out.append(str(error))
+                found.unavailable.append(str(error))
         return found
 
 
@@ -104,7 +104,7 @@ def distance(model: Perceptual, device: str) -> Measure:
         raise StartError(f"The device {device!r} cannot be used: {str(error).splitlines()[0]}") from None
 
     def measure(pictures: Sequence[Picture], truth: Picture) -> list[tuple[float, ...]]:
-        if len(pictures) > 1 and truth.shape[0] * truth.shape[1] > MOST_TOGETHER:
+        if len(pictures) > 1 and truth.shape[0] * truth.shape[1] > MAX_BATCH_PIXELS:
             return [measure([picture], truth)[0] for picture in pictures]
         try:
             with torch.inference_mode(), torch.backends.cudnn.flags(allow_tf32=False):

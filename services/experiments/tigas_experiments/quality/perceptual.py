@@ -48,7 +48,7 @@ class Lpips(Perceptual):
         """[channels] Weight of each channel in a layer."""
 
     def forward(self, pictures: Tensor, truth: Tensor) -> Tensor:
-        x = _normalised(torch.cat((truth, pictures)))
+        x = _normalise(torch.cat((truth, pictures)))
         total = x.new_zeros(len(pictures))
         for layer, (convolution, head) in enumerate(zip(self.convolutions, self.heads, strict=True)):
             if layer in (1, 2):
@@ -78,15 +78,15 @@ class Dists(Perceptual):
         x = torch.cat((truth, pictures))
         sizes = [3, *(stage[-1] for stage in VGG16)]
         weights = zip(torch.split(self.alpha, sizes), torch.split(self.beta, sizes), strict=True)
-        total = _alike(x, *next(weights))
-        x = _normalised(x)
+        total = _similarity(x, *next(weights))
+        x = _normalise(x)
         convolutions = iter(self.convolutions)
         for place, (stage, (alpha, beta)) in enumerate(zip(VGG16, weights, strict=True)):
             if place:
                 x = _l2_pooled(x)
             for _ in stage:
                 x = relu(next(convolutions)(x), inplace=True)
-            total += _alike(x, alpha, beta)
+            total += _similarity(x, alpha, beta)
         return 1 - total / (self.alpha.sum() + self.beta.sum())
 
 
@@ -110,7 +110,7 @@ def dists() -> Dists:
     return model
 
 
-def _alike(x: Tensor, alpha: Tensor, beta: Tensor) -> Tensor:
+def _similarity(x: Tensor, alpha: Tensor, beta: Tensor) -> Tensor:
     """Similarity [n] of x[1:] to x[0] in means and in structure, weighted by channel."""
     mean = x.mean((2, 3))
     variance = x.var((2, 3), correction=0)
@@ -127,7 +127,7 @@ def _l2_pooled(x: Tensor) -> Tensor:
     return (conv2d(x.square_(), kernel, stride=2, padding=1, groups=x.shape[1]) + 1e-12).sqrt()
 
 
-def _normalised(x: Tensor) -> Tensor:
+def _normalise(x: Tensor) -> Tensor:
     """Normalise by ImageNet's mean and standard deviation, as in training."""
     mean, deviation = (x.new_tensor(each)[:, None, None] for each in ((0.485, 0.456, 0.406), (0.229, 0.224, 0.225)))
     return (x - mean).div(deviation)

@@ -19,7 +19,7 @@ Picture = NDArray[np.uint8]
 MAX_PSNR_DB = 100.0
 """Used in place of the infinite PSNR of equal pictures."""
 FORMATS = ("PNG", "JPEG", "WEBP")
-Image.MAX_IMAGE_PIXELS = None  # Pillow would only warn about large images; `opened` refuses them
+Image.MAX_IMAGE_PIXELS = None  # Pillow would only warn about large images; `open_picture` refuses them
 
 
 class BrokenPicture(Exception):
@@ -55,9 +55,9 @@ class CaptureQuality(WireModel):
     """Share of the picture that was never covered, which counts as black. None in early records."""
 
 
-def decode_shown(data: bytes) -> tuple[Picture, float]:
+def decode_screen(data: bytes) -> tuple[Picture, float]:
     """Decode the screen, on black. Returns the picture and its share without pixels. Raises BrokenPicture."""
-    with opened(data) as image:
+    with open_picture(data) as image:
         if "A" not in image.getbands():
             return np.asarray(image.convert("RGB")), 0.0
         whole = image.convert("RGBA")
@@ -68,12 +68,12 @@ def decode_shown(data: bytes) -> tuple[Picture, float]:
 
 def decode(data: bytes) -> Picture:
     """Decode a PNG, JPEG or WebP as RGB. Raises BrokenPicture."""
-    with opened(data) as image:
+    with open_picture(data) as image:
         return np.asarray(image.convert("RGB"))
 
 
 @contextmanager
-def opened(data: bytes) -> Iterator[Image.Image]:
+def open_picture(data: bytes) -> Iterator[Image.Image]:
     """Open a picture in a supported format, with nothing but its size checked.
 
     Raises BrokenPicture, including for errors in the context.
@@ -93,14 +93,14 @@ def encode(picture: Picture) -> bytes:
     return buffer.getvalue()
 
 
-def enlarged(picture: Picture, width: int, height: int) -> Picture:
+def upscale_bilinear(picture: Picture, width: int, height: int) -> Picture:
     """Scale bilinearly to a stage of this size, as browsers do."""
     if picture.shape[:2] == (height, width):
         return picture
     return np.asarray(Image.fromarray(picture).resize((width, height), Image.Resampling.BILINEAR))
 
 
-def upscaled(picture: Picture, width: int, height: int) -> Picture:
+def upscale_bicubic(picture: Picture, width: int, height: int) -> Picture:
     """Scale to display size with Pillow's bicubic filter, the baseline for enhancement."""
     if picture.shape[:2] == (height, width):
         return picture
@@ -118,7 +118,7 @@ def compare(shown: Picture, reference: Picture) -> Quality:
     height, width = reference.shape[:2]
     if min(height, width) < 11:
         raise BrokenPicture("SSIM needs pictures of at least 11×11 pixels.")
-    shown = enlarged(shown, width, height)
+    shown = upscale_bilinear(shown, width, height)
     error = float(np.mean(np.square(shown.astype(np.float32) - reference)))
     psnr = min(MAX_PSNR_DB, 10 * math.log10(255**2 / error)) if error else MAX_PSNR_DB
     ssim = structural_similarity(  # type: ignore[no-untyped-call]

@@ -67,7 +67,7 @@ def write_experiment(folder: Path, record: ExperimentRecord) -> None:
     write_record(folder / "experiment.json", record)
 
 
-def experiment_of(folder: Path) -> Path:
+def experiment_folder(folder: Path) -> Path:
     """The folder of the experiment to which a run's folder belongs; any other folder itself."""
     whole = folder.resolve()
     return whole.parents[1] if whole.parent.name == "runs" and (whole / "run.json").exists() else whole
@@ -168,7 +168,7 @@ class RunWriter:
         write_record(folder / "run.json", record)
 
     @classmethod
-    def resumed(cls, run: StoredRun) -> Self:
+    def resume(cls, run: StoredRun) -> Self:
         writer = cls.__new__(cls)
         writer.folder, writer._record = run.folder, run.record
         return writer

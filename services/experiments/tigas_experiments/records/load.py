@@ -18,11 +18,11 @@ from tigas_common.resources import Quota, allowed_processors, quotas
 from tigas_common.wire.model import WireModel
 from tigas_common.wire.render import HostLoad
 
-EVERY_S = 0.5
+SAMPLE_EVERY_S = 0.5
 """Interval between samples, in seconds."""
-LIMIT = 0.9
+SATURATION_LIMIT = 0.9
 """Busy share above which work has to wait for a processor or a thread."""
-TOO_OFTEN = 0.1
+MAX_PEGGED_SHARE = 0.1
 """Share of a run's samples above which exceeding the limit is reported."""
 WatchedServices = Literal["threads", "processors", "elsewhere"]
 """What is monitored: each of the services' threads; only the processors, which they share with the browser; or nothing,
@@ -55,7 +55,7 @@ class LoadSample(WireModel):
 
     @property
     def saturated(self) -> bool:
-        return self.cpu > LIMIT or self.throttled or (self.render or 0.0) > LIMIT
+        return self.cpu > SATURATION_LIMIT or self.throttled or (self.render or 0.0) > SATURATION_LIMIT
 
 
 class Load(WireModel):
@@ -77,12 +77,12 @@ class Load(WireModel):
 
     @property
     def saturated(self) -> bool:
-        return self.saturated_share > TOO_OFTEN
+        return self.saturated_share > MAX_PEGGED_SHARE
 
     @property
     def often_pegged(self) -> dict[str, float]:
-        """Entries of `pegged` above TOO_OFTEN, highest first."""
-        often = [each for each in (self.pegged or {}).items() if each[1] > TOO_OFTEN]
+        """Entries of `pegged` above MAX_PEGGED_SHARE, highest first."""
+        often = [each for each in (self.pegged or {}).items() if each[1] > MAX_PEGGED_SHARE]
         return dict(sorted(often, key=lambda each: -each[1]))
 
     @property
@@ -91,12 +91,12 @@ class Load(WireModel):
         return max((self.pegged or {}).items(), key=lambda each: each[1], default=None)
 
     @classmethod
-    def of(cls, samples: Sequence[LoadSample], services: WatchedServices | None = None) -> Load | None:
+    def summarise(cls, samples: Sequence[LoadSample], services: WatchedServices | None = None) -> Load | None:
         """Summarise samples; None without any."""
         if not samples:
             return None
         watched = [sample.threads for sample in samples if sample.threads is not None]
-        pegged = [name for threads in watched for name, share in threads.items() if share > LIMIT]
+        pegged = [name for threads in watched for name, share in threads.items() if share > SATURATION_LIMIT]
         render = [sample.render for sample in samples if sample.render is not None]
         return cls(
             cpu_mean=sum(sample.cpu for sample in samples) / len(samples),
@@ -105,7 +105,7 @@ class Load(WireModel):
             load_average_max=max(sample.load_average for sample in samples),
             processors=samples[-1].processors,
             pegged={name: pegged.count(name) / len(watched) for name in sorted(set(pegged))} if watched else None,
-            render_busy_share=sum(share > LIMIT for share in render) / len(render) if render else None,
+            render_busy_share=sum(share > SATURATION_LIMIT for share in render) / len(render) if render else None,
             services=services,
         )
 
@@ -132,7 +132,7 @@ class Reading:
     """Threads by process id and thread id; None if not monitored."""
 
     @classmethod
-    def now(cls, processes: Processes | None) -> Reading:
+    def take(cls, processes: Processes | None) -> Reading:
         """The current counters; takes some milliseconds for hundreds of threads."""
         at_s = time.monotonic()
         every, allowed = psutil.cpu_times(percpu=True), allowed_processors()
@@ -185,22 +185,22 @@ class Reading:
 
 
 @asynccontextmanager
-async def watching_load(
+async def monitor_load(
     render: str, keep: int | None = None, processes: Processes | None = None
 ) -> AsyncIterator[deque[LoadSample]]:
-    """Sample the load every EVERY_S seconds during the context, keeping the newest `keep` samples.
+    """Sample the load every SAMPLE_EVERY_S seconds during the context, keeping the newest `keep` samples.
 
     render: URL of the render service.
     """
     samples: deque[LoadSample] = deque(maxlen=keep)
 
     async def watch() -> None:
-        async with httpx.AsyncClient(base_url=render, timeout=EVERY_S, trust_env=False, verify=False) as client:
-            before = await asyncio.to_thread(Reading.now, processes)
+        async with httpx.AsyncClient(base_url=render, timeout=SAMPLE_EVERY_S, trust_env=False, verify=False) as client:
+            before = await asyncio.to_thread(Reading.take, processes)
             while True:
-                await asyncio.sleep(EVERY_S)
+                await asyncio.sleep(SAMPLE_EVERY_S)
                 share = await _utilisation(client)
-                now = await asyncio.to_thread(Reading.now, processes)
+                now = await asyncio.to_thread(Reading.take, processes)
                 samples.append(now.sample_since(before, time.time() * 1000, psutil.getloadavg()[0], share))
                 before = now
 

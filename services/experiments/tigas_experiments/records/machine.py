@@ -46,7 +46,7 @@ class Server(WireModel):
     """Ladder to which the run's profiles refer: the scene's own, if it has one."""
 
     @classmethod
-    def of(cls, config: ServerConfig, scene: SceneInfo | None = None) -> Self:
+    def from_config(cls, config: ServerConfig, scene: SceneInfo | None = None) -> Self:
         own = scene.ladder if scene is not None else None
         return cls(
             version=config.version,
@@ -58,7 +58,7 @@ class Server(WireModel):
         )
 
 
-def this_machine() -> Machine:
+def describe_machine() -> Machine:
     return Machine(
         system=f"{platform.system()} {platform.release()} {platform.machine()}",
         processor=_processor(),

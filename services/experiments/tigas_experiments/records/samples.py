@@ -166,7 +166,7 @@ class SampledRun:
         return list(dict.fromkeys(each for each in reasons if each is not None))
 
 
-def sampled_run(run: Path) -> SampledRun:
+def read_sampled_run(run: Path) -> SampledRun:
     try:
         return SampledRun(run.name, tuple(read_samples(run)), read_rerendered(run))
     except BrokenRecording as error:

@@ -13,7 +13,14 @@ from pydantic import Field
 
 from tigas_common.wire.model import WireModel
 from tigas_experiments.quality.metrics import PICTURE_METRICS, Name
-from tigas_experiments.quality.picture import BrokenPicture, Picture, decode, decode_shown, enlarged, upscaled
+from tigas_experiments.quality.picture import (
+    BrokenPicture,
+    Picture,
+    decode,
+    decode_screen,
+    upscale_bicubic,
+    upscale_bilinear,
+)
 from tigas_experiments.records.files import read_lines, write_lines
 from tigas_experiments.records.samples import ENHANCED, FOLDER, JPEG, TRUTH, read_sample_file
 
@@ -102,7 +109,7 @@ class Contents:
         parts = (self.pictures[kind], self.truth)
         return hashlib.sha256(b"".join(hashlib.sha256(part).digest() for part in parts)).hexdigest()[:16]
 
-    def decoded(self) -> tuple[Picture, dict[Kind, Picture]]:
+    def decode(self) -> tuple[Picture, dict[Kind, Picture]]:
         """Ground truth, and the pictures scaled to its size: originals bicubically, displayed pictures bilinearly.
 
         Raises BrokenPicture.
@@ -114,9 +121,9 @@ class Contents:
         found: dict[Kind, Picture] = {}
         for kind, data in self.pictures.items():
             if kind == "seen":
-                found[kind] = enlarged(decode_shown(data)[0], width, height)
+                found[kind] = upscale_bilinear(decode_screen(data)[0], width, height)
             elif kind == "original":
-                found[kind] = upscaled(decode(data), width, height)
+                found[kind] = upscale_bicubic(decode(data), width, height)
             else:
                 found[kind] = picture = decode(data)
                 if picture.shape != truth.shape:

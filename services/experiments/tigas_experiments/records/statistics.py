@@ -3,7 +3,7 @@
 Functions that compute several metrics return them by name in `report.metrics.METRICS`: None if there is nothing to
 measure, inf if too many inputs were never answered. All modes are measured from the same two lists, the sampled poses
 and the displayed frames, independently of a player's own notion of latency or stalls. A reprojected frame has two
-poses: `content`, the pose of its pixels, and `view`, the displayed pose. Latency, ages and new views refer to contents
+poses: `content_pose`, of its pixels, and `view_pose`, the displayed one. Latency, ages and new views refer to contents
 by default.
 """
 
@@ -28,12 +28,12 @@ PoseOf = Callable[[ShownFrame], int]
 T = TypeVar("T")
 
 
-def content(frame: ShownFrame) -> int:
+def content_pose(frame: ShownFrame) -> int:
     """The pose of the frame's pixels."""
     return frame.pose
 
 
-def view(frame: ShownFrame) -> int:
+def view_pose(frame: ShownFrame) -> int:
     """The displayed pose, reprojected or not."""
     return frame.pose if frame.view is None else frame.view
 
@@ -44,12 +44,12 @@ def percentile(values: Sequence[float], rank: float) -> float | None:
     return ordered[max(0, math.ceil(rank * len(ordered)) - 1)] if ordered else None
 
 
-def answers(inputs: Sequence[Input], frames: Sequence[ShownFrame], of: PoseOf = content) -> list[float]:
+def answer_times(inputs: Sequence[Input], frames: Sequence[ShownFrame], pose_of: PoseOf = content_pose) -> list[float]:
     """Milliseconds from each input until a frame of its pose or a later one was on screen; inf if there was none."""
     latencies: list[float] = []
     frame, newest = 0, -1
     for entry in inputs:  # poses and times increase, so the answering frame never goes back
-        while frame < len(frames) and (newest := max(newest, of(frames[frame]))) < entry.pose:
+        while frame < len(frames) and (newest := max(newest, pose_of(frames[frame]))) < entry.pose:
             frame += 1
         latencies.append(frames[frame].at - entry.at if frame < len(frames) else math.inf)
     return latencies
@@ -60,7 +60,7 @@ def latencies(inputs: Sequence[Input], frames: Sequence[ShownFrame], interval_ms
 
     Covers all inputs, with unanswered ones as slower than any; `interval_ms` is the display's frame interval.
     """
-    values = answers(inputs, frames)
+    values = answer_times(inputs, frames)
 
     def within(limit: float) -> float | None:
         return sum(value <= limit for value in values) / len(values) * 100 if values else None
@@ -80,27 +80,27 @@ def view_latencies(inputs: Sequence[Input], frames: Sequence[ShownFrame]) -> Val
     """Time until the picture on screen was warped to a pose or a later one, regardless of the age of its pixels;
     without warping, motion-to-photon latency.
     """
-    return _percentiles("view_latency", answers(inputs, frames, view), 50, 90, 95, 99)
+    return _percentiles("view_latency", answer_times(inputs, frames, view_pose), 50, 90, 95, 99)
 
 
-def new_views(frames: Sequence[ShownFrame], of: PoseOf = content) -> list[ShownFrame]:
+def find_new_views(frames: Sequence[ShownFrame], pose_of: PoseOf = content_pose) -> list[ShownFrame]:
     """The frames that show a later pose than all frames before them."""
     found: list[ShownFrame] = []
     for frame in frames:
-        if not found or of(frame) > of(found[-1]):
+        if not found or pose_of(frame) > pose_of(found[-1]):
             found.append(frame)
     return found
 
 
-def ages_when_new(inputs: Sequence[Input], frames: Sequence[ShownFrame]) -> list[tuple[float, float]]:
+def new_view_ages(inputs: Sequence[Input], frames: Sequence[ShownFrame]) -> list[tuple[float, float]]:
     """For each new view of a sampled pose: the time of its display, and the time since its pose was sampled, in ms."""
     sampled = {entry.pose: entry.at for entry in inputs}
-    return [(frame.at, frame.at - sampled[frame.pose]) for frame in new_views(frames) if frame.pose in sampled]
+    return [(frame.at, frame.at - sampled[frame.pose]) for frame in find_new_views(frames) if frame.pose in sampled]
 
 
 def frame_ages(inputs: Sequence[Input], frames: Sequence[ShownFrame]) -> Values:
     """Ages of frames, unlike `latencies`, which are of inputs: inputs that were never requested do not count here."""
-    return _times("frame_age", [ms for _, ms in ages_when_new(inputs, frames)], 50, 95)
+    return _times("frame_age", [ms for _, ms in new_view_ages(inputs, frames)], 50, 95)
 
 
 def age_parts(inputs: Sequence[Input], frames: Sequence[ShownFrame], replies: Sequence[Reply]) -> dict[str, float]:
@@ -112,7 +112,7 @@ def age_parts(inputs: Sequence[Input], frames: Sequence[ShownFrame], replies: Se
     sampled = {entry.pose: entry.at for entry in inputs if not entry.missed}
     answers = {reply.pose: reply for reply in reversed(replies) if reply.server is not None}  # first per pose
     found: list[dict[str, float]] = []
-    for frame in new_views(frames):
+    for frame in find_new_views(frames):
         reply, at = answers.get(frame.pose), sampled.get(frame.pose)
         if at is None or reply is None or reply.at > frame.at:
             continue
@@ -179,7 +179,7 @@ def freezes(inputs: Sequence[Input], frames: Sequence[ShownFrame], ended_ms: flo
     """
     gaps: deque[float] = deque(maxlen=FREEZE_HISTORY)
     long: list[float] = []
-    for gap in _gaps(inputs, new_views(frames, view), ended_ms):
+    for gap in _gaps(inputs, find_new_views(frames, view_pose), ended_ms):
         usual = mean(gaps) or 0.0
         if gap >= max(3 * usual, usual + FREEZE_MS):
             long.append(gap)
@@ -192,10 +192,10 @@ def _gaps(inputs: Sequence[Input], views: Sequence[ShownFrame], ended_ms: float)
     if not inputs:
         return
     poses = [entry.pose for entry in inputs]
-    own = [shown for shown in views if view(shown) >= poses[0]]
+    own = [shown for shown in views if view_pose(shown) >= poses[0]]
     ends = [*(shown.at for shown in own), ended_ms][1:]
     for shown, until in zip(own, ends, strict=True):
-        following = bisect_right(poses, view(shown))
+        following = bisect_right(poses, view_pose(shown))
         if following == len(inputs):
             return  # no newer pose
         yield max(0.0, until - shown.at - (inputs[following].at - inputs[following - 1].at))
@@ -207,10 +207,10 @@ def rates(frames: Sequence[ShownFrame], duration_ms: float) -> Values:
     """Rates of frames and new views during the movement."""
     during = [frame for frame in frames if 0 <= frame.at <= duration_ms]
     seconds = duration_ms / 1000
-    return {"frames_per_s": len(during) / seconds, "new_views_per_s": len(new_views(during)) / seconds}
+    return {"frames_per_s": len(during) / seconds, "new_views_per_s": len(find_new_views(during)) / seconds}
 
 
-def _lasting(
+def _times_on_screen(
     frames: Sequence[ShownFrame], duration_ms: float, of: Callable[[ShownFrame], T | None]
 ) -> list[tuple[T, float]]:
     """Known values of the frames on screen until the end of the movement, each with its time on screen in ms."""
@@ -222,7 +222,7 @@ def _lasting(
 def rungs(frames: Sequence[ShownFrame], duration_ms: float) -> dict[int, float]:
     """Each rung's share of the time for which frames of known rungs were on screen, until the end of the movement."""
     lasted: dict[int, float] = {}
-    for rung, time in _lasting(frames, duration_ms, lambda frame: frame.rung):
+    for rung, time in _times_on_screen(frames, duration_ms, lambda frame: frame.rung):
         lasted[rung] = lasted.get(rung, 0.0) + time
     total = sum(lasted.values())
     return {rung: time / total for rung, time in sorted(lasted.items())} if total > 0 else {}
@@ -230,18 +230,18 @@ def rungs(frames: Sequence[ShownFrame], duration_ms: float) -> dict[int, float]:
 
 def rung_changes(frames: Sequence[ShownFrame], duration_ms: float) -> int:
     """Number of changes of the known rung on screen."""
-    spans = _lasting(frames, duration_ms, lambda frame: frame.rung)
+    spans = _times_on_screen(frames, duration_ms, lambda frame: frame.rung)
     return sum(before != after for (before, _), (after, _) in pairwise(spans))
 
 
 def mean_height(frames: Sequence[ShownFrame], duration_ms: float) -> float | None:
     """Mean frame height in pixels on screen until the end of the movement, weighted by time; None without frames."""
-    return _weighted_mean(_lasting(frames, duration_ms, lambda frame: frame.height))
+    return _weighted_mean(_times_on_screen(frames, duration_ms, lambda frame: frame.height))
 
 
 def median_height(frames: Sequence[ShownFrame], duration_ms: float) -> float | None:
     """Median frame height on screen, weighted by time; None without frames."""
-    spans = _lasting(frames, duration_ms, lambda frame: frame.height)
+    spans = _times_on_screen(frames, duration_ms, lambda frame: frame.height)
     half, passed = sum(time for _, time in spans) / 2, 0.0
     for height, time in sorted(spans):
         passed += time
@@ -250,11 +250,11 @@ def median_height(frames: Sequence[ShownFrame], duration_ms: float) -> float | N
     return None
 
 
-def filled(frames: Sequence[ShownFrame], duration_ms: float) -> float | None:
+def filled_share(frames: Sequence[ShownFrame], duration_ms: float) -> float | None:
     """Share of the picture outside the newest frame, until the end of the movement, weighted by time; None without
     reprojection.
     """
-    return _weighted_mean(_lasting(frames, duration_ms, lambda frame: frame.filled))
+    return _weighted_mean(_times_on_screen(frames, duration_ms, lambda frame: frame.filled))
 
 
 def warp_times(frames: Sequence[ShownFrame], duration_ms: float) -> Values:

@@ -49,7 +49,7 @@ class Records:
     """Reason why the scores are unreadable, which does not invalidate the run."""
 
     @classmethod
-    def of(cls, stored: StoredRun) -> Records:
+    def read(cls, stored: StoredRun) -> Records:
         """Read the records of a complete run. Raises BrokenRecording."""
         head = stored.record.recording
         if head is None:
@@ -84,7 +84,7 @@ def read(folder: Path) -> tuple[Summary, Records | None]:
     records, problem = None, record.problem or "The run is incomplete: it did not finish."
     if record.status == "complete":
         try:
-            records = Records.of(stored)
+            records = Records.read(stored)
         except BrokenRecording as error:
             problem = str(error)
     if records is None:
@@ -113,7 +113,7 @@ def figures(records: Records) -> Figures:
         "frozen_s": sum(frozen) * 1e-3,
         "mean_height_px": statistics.mean_height(frames, duration),
         "median_height_px": statistics.median_height(frames, duration),
-        "border_filled_pct": _scaled(statistics.filled(frames, duration), 100),
+        "border_filled_pct": _scaled(statistics.filled_share(frames, duration), 100),
         **statistics.warp_times(frames, duration),
         "received_mbit_s": _scaled(statistics.received_kbps(recording.traffic, duration), 1e-3),
         **_link(link),

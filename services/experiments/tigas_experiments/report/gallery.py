@@ -16,7 +16,7 @@ from PIL import Image
 
 from tigas_common.files import read_regular
 from tigas_experiments.quality.metrics import PICTURE_METRICS
-from tigas_experiments.quality.picture import BrokenPicture, Picture, decode, enlarged, upscaled
+from tigas_experiments.quality.picture import BrokenPicture, Picture, decode, upscale_bicubic, upscale_bilinear
 from tigas_experiments.records.files import BrokenRecording
 from tigas_experiments.records.folder import read_snapshot
 from tigas_experiments.records.samples import JPEG, MAX_PICTURE_BYTES, TRUTH, enhanced_path, sample_path
@@ -71,7 +71,7 @@ def snapshots(runs: Sequence[tuple[str, Run]]) -> list[Snapshot]:
             if run.problem is None and (stored := read_snapshot(run.folder)) is not None:
                 at, shown, view = stored[0], decode(stored[1]), decode(stored[2])
                 height, width = view.shape[:2]
-                urls = (_url(each, SNAPSHOT_WIDTH) for each in (enlarged(shown, width, height), view))
+                urls = (_url(each, SNAPSHOT_WIDTH) for each in (upscale_bilinear(shown, width, height), view))
                 found.append(Snapshot(title, at / 1000, *urls))
     return found
 
@@ -99,9 +99,9 @@ def _sample(run: Run, sample: Sample) -> GallerySample:
     """Create one sample. Raises OSError and BrokenPicture."""
     truth = _read(sample_path(run.folder, sample.seq, TRUTH))
     height, width = truth.shape[:2]
-    pictures = {"received": upscaled(_read(sample_path(run.folder, sample.seq, JPEG)), width, height)}
+    pictures = {"received": upscale_bicubic(_read(sample_path(run.folder, sample.seq, JPEG)), width, height)}
     if (path := enhanced_path(run.folder, sample.seq)) is not None:
-        pictures["enhanced"] = upscaled(_read(path), width, height)
+        pictures["enhanced"] = upscale_bicubic(_read(path), width, height)
     differences = {f"{name}, difference × {AMPLIFIED}": _difference(each, truth) for name, each in pictures.items()}
     scores = {"received": _scores(run, sample.seq, "original"), "enhanced": _scores(run, sample.seq, "enhanced")}
     shown = {**pictures, "ground truth": truth, **differences}

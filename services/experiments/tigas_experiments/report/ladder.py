@@ -14,7 +14,7 @@ from tigas_common.errors import StartError
 from tigas_common.pose import Pose
 from tigas_common.render_requests import RenderClient
 from tigas_common.wire.render import RenderRequest, Rung
-from tigas_experiments.quality.picture import Picture, Quality, compare, decode, upscaled
+from tigas_experiments.quality.picture import Picture, Quality, compare, decode, upscale_bicubic
 from tigas_experiments.records.files import BrokenRecording
 from tigas_experiments.records.folder import LADDER, StoredRun
 from tigas_experiments.report.plot import style
@@ -60,7 +60,7 @@ async def ladder(renderer: RenderClient, scene: str, poses: Sequence[Pose], lens
     for number, rung in enumerate(rungs):
         data = await renderer.frame(RenderRequest.at(scene, pose, view, profile=number))
         frame = decode(data)
-        shown = upscaled(frame, view.width, view.height)
+        shown = upscale_bicubic(frame, view.width, view.height)
         height, width = frame.shape[:2]
         found.append(Step(number, rung, width, height, len(data), shown, compare(shown, truth)))
     return found

@@ -19,7 +19,7 @@ from tigas_common.errors import StartError
 from tigas_experiments.records import statistics
 from tigas_experiments.records.files import BrokenRecording
 from tigas_experiments.records.folder import ExperimentRecord, RunRecord, read_experiment
-from tigas_experiments.records.samples import SampledRun, sampled_run
+from tigas_experiments.records.samples import SampledRun, read_sampled_run
 from tigas_experiments.records.scores import Score
 from tigas_experiments.records.summary import Records, read
 from tigas_experiments.report.controllers import Controller
@@ -228,7 +228,7 @@ def _flat(prefix: str, value: Any) -> Row:
 def _read(folder: Path, relative: Callable[[str], str]) -> Run:
     """Read one run. Raises BrokenRecording."""
     summary, records = read(folder)
-    run = Run(folder, summary.record, Block.of(summary.record.configuration), sampled_run(folder))
+    run = Run(folder, summary.record, Block.of(summary.record.configuration), read_sampled_run(folder))
     if summary.figures is None or records is None:
         return replace(run, problem=relative(summary.problem or ""))
     return replace(
@@ -248,10 +248,10 @@ def _series(records: Records) -> dict[str, Floats]:
     `height`: of frames, pixels. `received`: cumulative bytes. `link`: rate, Mbit/s. `ssim`: at display time.
     """
     inputs, frames = records.recording.inputs, records.recording.frames
-    answers = zip(inputs, statistics.answers(inputs, frames), strict=True)
+    answers = zip(inputs, statistics.answer_times(inputs, frames), strict=True)
     points: dict[str, list[tuple[float, float]]] = {
         "latency": [(entry.at, ms) for entry, ms in answers],
-        "age": statistics.ages_when_new(inputs, frames),
+        "age": statistics.new_view_ages(inputs, frames),
         "height": [(frame.at, frame.height) for frame in frames],
         "received": [(entry.at, entry.bytes) for entry in records.recording.traffic],
         "link": [(sample.at, sample.target_kbps / 1000) for sample in records.link],

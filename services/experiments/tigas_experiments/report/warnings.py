@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Sequence
 
-from tigas_experiments.records.load import TOO_OFTEN
+from tigas_experiments.records.load import MAX_PEGGED_SHARE
 from tigas_experiments.report.controllers import Controller
 from tigas_experiments.report.groups import Comparison, comparisons
 from tigas_experiments.report.run_listing import label
@@ -79,7 +79,7 @@ def _busy(runs: Sequence[Run]) -> dict[str, list[Run]]:
         sentence = f"processors or the render service were saturated during {shares} of the run (processors {busy} busy"
         found[f"{sentence} on average), which affects latencies and frame rates; marked with *."] = [*saturated]
     busy_renders = {run: load.render_busy_share or 0.0 for run, load in loads.items()}
-    if at_limit := {run: share for run, share in busy_renders.items() if share > TOO_OFTEN}:
+    if at_limit := {run: share for run, share in busy_renders.items() if share > MAX_PEGGED_SHARE}:
         found[f"the render service was at its limit in {_range(at_limit.values())} of the samples."] = [*at_limit]
     for process in dict.fromkeys(process for load in loads.values() for process in load.often_pegged):
         pegged = {run: load.often_pegged[process] for run, load in loads.items() if process in load.often_pegged}

@@ -66,7 +66,7 @@ def find_chromium() -> str:
 
 
 @asynccontextmanager
-async def chromium(config: ServerConfig | None = None, *, webgpu: bool = False) -> AsyncIterator[Browser]:
+async def launch_chromium(config: ServerConfig | None = None, *, webgpu: bool = False) -> AsyncIterator[Browser]:
     """A headless browser during the context, optionally with WebGPU. Raises StartError.
 
     It uses the graphics processor if one is available with a Vulkan driver, and HTTP/3 of a server.
@@ -85,7 +85,7 @@ async def chromium(config: ServerConfig | None = None, *, webgpu: bool = False) 
         try:
             yield browser
         finally:
-            await _closed(browser)
+            await _close(browser)
 
 
 def graphics_arguments(*, webgpu: bool, devices: Path = Path("/dev")) -> tuple[str, ...]:
@@ -106,7 +106,7 @@ def http3_arguments(config: ServerConfig | None) -> tuple[str, ...]:
     )
 
 
-async def responds(browser: Browser) -> bool:
+async def is_responsive(browser: Browser) -> bool:
     """Whether the browser and its connection are alive; Playwright does not notice the death of its own process."""
     try:
         async with asyncio.timeout(CLOSE_S):
@@ -201,7 +201,7 @@ class Viewer:
 
 
 @asynccontextmanager
-async def viewer(browser: Browser, url: str, scene: str, width: int, height: int) -> AsyncIterator[Viewer]:
+async def open_viewer(browser: Browser, url: str, scene: str, width: int, height: int) -> AsyncIterator[Viewer]:
     """The viewer of a scene in a fresh context: no settings, cache or storage of earlier runs. Raises RunFailed."""
     try:
         context = await browser.new_context(viewport={"width": width, "height": height}, ignore_https_errors=True)
@@ -216,10 +216,10 @@ async def viewer(browser: Browser, url: str, scene: str, width: int, height: int
             raise RunFailed(f"The viewer at {url} could not be opened: {_first_line(error)}") from None
         yield Viewer(page)
     finally:
-        await _closed(context)
+        await _close(context)
 
 
-async def _closed(what: Browser | BrowserContext) -> None:
+async def _close(what: Browser | BrowserContext) -> None:
     """It is, or it is so dead that it does not answer."""
     with contextlib.suppress(Error, TimeoutError):
         async with asyncio.timeout(CLOSE_S):

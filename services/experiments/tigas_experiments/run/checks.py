@@ -14,7 +14,7 @@ from tigas_experiments.wire.run import PER_VIEW, Configuration
 
 
 @dataclass(frozen=True, slots=True)
-class MadeWith:
+class RunVersions:
     """Versions and inputs of new runs."""
 
     commit: str | None
@@ -52,7 +52,7 @@ def check_services(
             raise StartError(f"There is no rung {rung}: the ladder at {target.url} has {rungs} rungs, counted from 0.")
 
 
-def changes(kept: Iterable[RunRecord], now: MadeWith) -> list[str]:
+def find_changes(kept: Iterable[RunRecord], now: RunVersions) -> list[str]:
     """Differences from earlier runs, each with its old and new value; unknown values do not count."""
     found: dict[str, str] = {}
 

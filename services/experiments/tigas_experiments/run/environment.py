@@ -15,14 +15,14 @@ from playwright.async_api import Browser
 from tigas_common.errors import StartError
 from tigas_common.wire.render import LadderName
 from tigas_experiments.errors import RunFailed
-from tigas_experiments.lock import exclusive, services_lock
-from tigas_experiments.records.machine import Machine, Server, this_machine
-from tigas_experiments.run.browser import chromium, find_chromium, responds, viewer
-from tigas_experiments.run.checks import MadeWith, check_services
+from tigas_experiments.lock import hold_lock, services_lock
+from tigas_experiments.records.machine import Machine, Server, describe_machine
+from tigas_experiments.run.browser import find_chromium, is_responsive, launch_chromium, open_viewer
+from tigas_experiments.run.checks import RunVersions, check_services
 from tigas_experiments.run.inputs import Inputs, points_sha256
-from tigas_experiments.run.job import MadeFrom
-from tigas_experiments.run.link import link_for
-from tigas_experiments.run.targets import LAB_URL, Target, fault, lab_target, load_scene, url_target
+from tigas_experiments.run.job import RunSources
+from tigas_experiments.run.link import reserve_link
+from tigas_experiments.run.targets import LAB_URL, Target, find_fault, lab_target, load_scene, url_target
 from tigas_experiments.wire.movement import TimedPose
 from tigas_experiments.wire.run import PER_VIEW, Configuration, Network
 
@@ -30,16 +30,16 @@ Resource = TypeVar("Resource")
 
 
 @dataclass(frozen=True, slots=True)
-class Setup:
+class RunSetup:
     target: Target
     browser: Browser
     points: Sequence[TimedPose]
     network: Network
     """The network, with an absolute path to its trace file."""
-    made_from: MadeFrom
+    made_from: RunSources
 
 
-class Supervised(Generic[Resource]):
+class ReopenedResource(Generic[Resource]):
     """A resource that is opened on first use and reopened once it has died."""
 
     def __init__(
@@ -50,19 +50,19 @@ class Supervised(Generic[Resource]):
         self._opened = opened
         self._lives = lives
         self._stack = AsyncExitStack()
-        self._now: Resource | None = None
+        self._resource: Resource | None = None
 
     async def get(self) -> Resource:
         """A live resource. Raises the errors of opening it."""
-        if self._now is not None and not await self._lives(self._now):
+        if self._resource is not None and not await self._lives(self._resource):
             await self.close()
-        if self._now is None:
-            self._now = await self._stack.enter_async_context(self._opened())
-        return self._now
+        if self._resource is None:
+            self._resource = await self._stack.enter_async_context(self._opened())
+        return self._resource
 
     async def close(self) -> None:
         """Close the resource until the next `get`."""
-        self._now = None
+        self._resource = None
         await self._stack.aclose()
 
 
@@ -71,8 +71,8 @@ class Environment:
 
     def __init__(
         self,
-        target: Supervised[Target],
-        browser: Supervised[Browser],
+        target: ReopenedResource[Target],
+        browser: ReopenedResource[Browser],
         machine: Machine,
         inputs: Inputs,
         ladder: LadderName = "scene",
@@ -92,12 +92,12 @@ class Environment:
         """
         target, _ = await self._services()
         scenes = {}
-        for configuration in {_inputs(run): run for run in runs}.values():
+        for configuration in {_pose_inputs(run): run for run in runs}.values():
             scenes[configuration.scene] = (await self.setup(configuration)).made_from.scene
         check_services(runs, target, scenes, self._ladder)
         for network in {run.network: None for run in runs}:
             try:
-                async with link_for(target, self._inputs.network(network)):
+                async with reserve_link(target, self._inputs.network(network)):
                     pass
             except RunFailed as error:
                 raise StartError(str(error)) from None
@@ -106,27 +106,27 @@ class Environment:
         for restore, upscale in sorted({(run.restore, run.upscale) for run in runs if run.enhanced}):
             asked[f"restore = {restore!r}, upscale = {upscale!r}"] = {"restore": restore, "upscale": upscale}
         if asked:
-            await self._ask_the_page(runs[0], asked)
+            await self._check_on_page(runs[0], asked)
 
-    async def made_with(self, scenes: Iterable[str]) -> MadeWith:
+    async def versions(self, scenes: Iterable[str]) -> RunVersions:
         """Versions and inputs of new runs in these scenes. Raises StartError."""
         target, browser = await self._services()
         found = {scene: await load_scene(target.url, scene) for scene in scenes}
-        return MadeWith(self.machine.commit, browser.version, Server.of(target.config), found)
+        return RunVersions(self.machine.commit, browser.version, Server.from_config(target.config), found)
 
-    async def setup(self, configuration: Configuration) -> Setup:
+    async def setup(self, configuration: Configuration) -> RunSetup:
         """Resources of a run, with its scene loaded and its download prepared. Raises StartError."""
         target, browser = await self._services()
         download = configuration.mode == "local-compressed"
         scene = await load_scene(target.url, configuration.scene, download=download)
         digests = self._inputs.digests(configuration)
-        key = (*_inputs(configuration), digests.movement)
+        key = (*_pose_inputs(configuration), digests.movement)
         if key not in self._points:
             self._points[key] = self._inputs.points(configuration, scene)
         network = self._inputs.network(configuration.network)
         points = self._points[key]
-        made_from = MadeFrom(digests, points_sha256(points), target.config, scene)
-        return Setup(target, browser, points, network, made_from)
+        made_from = RunSources(digests, points_sha256(points), target.config, scene)
+        return RunSetup(target, browser, points, network, made_from)
 
     async def _services(self) -> tuple[Target, Browser]:
         """Live services, and a browser that was started for them and trusts their certificate."""
@@ -136,13 +136,15 @@ class Environment:
             self._opened_for = target
         return target, await self._browser.get()
 
-    async def _ask_the_page(self, run: Configuration, asked: Mapping[str, dict[str, str]]) -> None:
+    async def _check_on_page(self, run: Configuration, asked: Mapping[str, dict[str, str]]) -> None:
         """Check these settings, keyed by display name, on the page, as only the page knows its controllers and models.
         Raises StartError.
         """
         setup = await self.setup(run)
         try:
-            async with viewer(setup.browser, setup.target.url, setup.made_from.scene.id, run.width, run.height) as page:
+            async with open_viewer(
+                setup.browser, setup.target.url, setup.made_from.scene.id, run.width, run.height
+            ) as page:
                 for what, settings in asked.items():
                     try:
                         # Off by default: without graphics acceleration, the page reports that it does not reproject.
@@ -169,11 +171,11 @@ async def open_environment(
     find_chromium()
     where = url or LAB_URL
 
-    with exclusive(services_lock(where), f"Another experiment uses the services at {where}; wait until it ends."):
-        target = Supervised(lambda: lab_target(ladder) if url is None else url_target(url), _works)
-        browser = Supervised(lambda: _browser_for(target, webgpu=webgpu), responds)
+    with hold_lock(services_lock(where), f"Another experiment uses the services at {where}; wait until it ends."):
+        target = ReopenedResource(lambda: lab_target(ladder) if url is None else url_target(url), _is_working)
+        browser = ReopenedResource(lambda: _launch_browser(target, webgpu=webgpu), is_responsive)
         try:
-            yield Environment(target, browser, this_machine(), inputs, ladder)
+            yield Environment(target, browser, describe_machine(), inputs, ladder)
         finally:
             try:
                 await browser.close()
@@ -181,18 +183,18 @@ async def open_environment(
                 await target.close()
 
 
-async def _works(target: Target) -> bool:
-    return await fault(target) is None
+async def _is_working(target: Target) -> bool:
+    return await find_fault(target) is None
 
 
 @asynccontextmanager
-async def _browser_for(target: Supervised[Target], *, webgpu: bool) -> AsyncIterator[Browser]:
+async def _launch_browser(target: ReopenedResource[Target], *, webgpu: bool) -> AsyncIterator[Browser]:
     config = (await target.get()).config
-    async with chromium(config, webgpu=webgpu) as browser:
+    async with launch_chromium(config, webgpu=webgpu) as browser:
         yield browser
 
 
-def _inputs(configuration: Configuration) -> tuple[object, ...]:
+def _pose_inputs(configuration: Configuration) -> tuple[object, ...]:
     """The parameters that determine the poses."""
     return (
         configuration.scene,

@@ -10,7 +10,7 @@ from itertools import count
 from pathlib import Path
 
 from tigas_common.errors import StartError
-from tigas_experiments.lock import EXPERIMENT, exclusive
+from tigas_experiments.lock import LOCK_NAME, hold_lock
 from tigas_experiments.records.files import BrokenRecording
 from tigas_experiments.records.folder import (
     ExperimentRecord,
@@ -39,7 +39,7 @@ class Experiment:
     """The command line; None for an experiment made on the page."""
 
     @classmethod
-    def of(
+    def from_plan(
         cls,
         plan: ExperimentPlan,
         directory: Path,
@@ -54,10 +54,10 @@ class Experiment:
     def read(cls, file: Path, out: Path | None, command: str) -> Experiment:
         """Read an experiment file; the output folder is results/NAME by default. Raises StartError."""
         plan = ExperimentPlan.read(file)
-        return cls.of(plan, file.parent, out or Path("results", plan.name), command)
+        return cls.from_plan(plan, file.parent, out or Path("results", plan.name), command)
 
     @property
-    def begun(self) -> bool:
+    def has_begun(self) -> bool:
         runs = self.out / RUNS
         return runs.is_dir() and any(runs.iterdir())
 
@@ -73,7 +73,7 @@ class Experiment:
         runs = self.out / RUNS
         return sorted(path.name for path in runs.iterdir() if path.name not in known) if runs.is_dir() else []
 
-    def kept(self, missing: Sequence[Configuration]) -> list[RunRecord]:
+    def kept_records(self, missing: Sequence[Configuration]) -> list[RunRecord]:
         """Records of the runs that are not missing."""
         todo = {run.slug for run in missing}
         return [StoredRun(self.folder(run)).record for run in self.runs if run.slug not in todo]
@@ -104,7 +104,7 @@ class Experiment:
 
 
 @contextmanager
-def reserved(experiment: Experiment) -> Iterator[None]:
+def reserve_folder(experiment: Experiment) -> Iterator[None]:
     """Lock the folder during the context, and remove it if nothing was started.
 
     Raises StartError and OSError.
@@ -112,7 +112,7 @@ def reserved(experiment: Experiment) -> Iterator[None]:
     is_new = not experiment.out.exists()
     experiment.out.mkdir(parents=True, exist_ok=True)
     busy = f"Another experiment is writing into {experiment.out}; wait until it ends, or choose another --out."
-    with exclusive(experiment.out / EXPERIMENT, busy):
+    with hold_lock(experiment.out / LOCK_NAME, busy):
         if unrelated := experiment.unrelated():
             raise StartError(
                 f"{experiment.out} has {len(unrelated)} runs of another experiment, such as {unrelated[0]}; "
@@ -121,7 +121,7 @@ def reserved(experiment: Experiment) -> Iterator[None]:
         try:
             yield
         finally:
-            lock = experiment.out / EXPERIMENT
+            lock = experiment.out / LOCK_NAME
             if is_new and list(experiment.out.iterdir()) == [lock]:  # the lock is still held
                 lock.unlink()
                 experiment.out.rmdir()

@@ -13,7 +13,7 @@ from tigas_common.errors import StartError
 from tigas_common.files import open_regular
 from tigas_common.wire.render import SceneInfo
 from tigas_experiments.movement.generated import KINDS, generate
-from tigas_experiments.movement.trace import MovementTrace, placed
+from tigas_experiments.movement.trace import MovementTrace, place_in_scene
 from tigas_experiments.records.folder import InputDigests
 from tigas_experiments.wire.movement import TimedPose
 from tigas_experiments.wire.run import Configuration, Network
@@ -33,7 +33,7 @@ class Inputs:
 
     def points(self, configuration: Configuration, scene: SceneInfo) -> list[TimedPose]:
         """The poses of a run, from 0 ms to its end or just after it."""
-        return placed(self.movement(configuration), scene)
+        return place_in_scene(self.movement(configuration), scene)
 
     def network(self, network: Network) -> Network:
         """The network, with a path to its trace file that can be opened."""
@@ -54,7 +54,7 @@ class Inputs:
         end_s = begin_s + configuration.duration_s
         path = self._movement_file(name)
         if path is None:
-            return generate(name, end_s, configuration.seed).part(begin_s * 1000, end_s * 1000)
+            return generate(name, end_s, configuration.seed).slice(begin_s * 1000, end_s * 1000)
         trace = MovementTrace.read(path)
         if trace.duration_ms < end_s * 1000 - 0.5:  # segments start at whole milliseconds
             after = f", begun at {begin_s:g} s" if begin_s else ""
@@ -62,7 +62,7 @@ class Inputs:
                 f"The movement {name} lasts {trace.duration_ms / 1000:.1f} s, less than a run's "
                 f"{configuration.duration_s:g} s{after}: choose a shorter duration."
             )
-        return trace.part(begin_s * 1000, end_s * 1000)
+        return trace.slice(begin_s * 1000, end_s * 1000)
 
     def _movement_file(self, name: str) -> Path | None:
         """Path of a movement file; None for a generated movement."""

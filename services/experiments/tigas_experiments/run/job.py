@@ -13,7 +13,7 @@ from typing import Any
 from tigas_common.render_requests import RenderClient
 from tigas_common.wire.render import SceneInfo, ServerConfig
 from tigas_experiments.errors import RunFailed
-from tigas_experiments.quality.ground_truth import GroundTruth, pose_at
+from tigas_experiments.quality.ground_truth import GroundTruth, input_at
 from tigas_experiments.quality.picture import BrokenPicture, CaptureQuality, encode
 from tigas_experiments.records.files import BrokenRecording
 from tigas_experiments.records.folder import InputDigests, RunRecord, RunWriter, Snapshot, StoredRun, capture_path
@@ -81,7 +81,7 @@ def run_plan(configuration: Configuration, points: Sequence[TimedPose]) -> RunPl
 
 
 @dataclass(frozen=True, slots=True)
-class MadeFrom:
+class RunSources:
     """Inputs and services of a run."""
 
     digests: InputDigests
@@ -94,7 +94,7 @@ class MadeFrom:
         return {
             "inputs_sha256": self.digests,
             "points_sha256": self.points_sha256,
-            "server": Server.of(self.config, self.scene),
+            "server": Server.from_config(self.config, self.scene),
             "scene_bytes": self.scene.file_bytes,
             "scene_sha256": self.scene.file_sha256,
         }
@@ -104,7 +104,7 @@ def write_records(
     writer: RunWriter,
     upload: RunUpload,
     load: Sequence[LoadSample],
-    made_from: MadeFrom,
+    made_from: RunSources,
     *,
     browser: str | None,
     services: WatchedServices | None = None,
@@ -125,7 +125,7 @@ def write_records(
         browser=browser,
         backend=upload.backend,
         sampling_problem=upload.sampling_problem,
-        load=Load.of(during, services),
+        load=Load.summarise(during, services),
         recording=recording.head,
         **made_from.fields,
     )
@@ -137,7 +137,7 @@ async def complete(folder: Path, render: str) -> RunRecord:
     Raises RunFailed, BrokenRecording and OSError.
     """
     run = StoredRun(folder)
-    writer = RunWriter.resumed(run)
+    writer = RunWriter.resume(run)
     head, captures, inputs = run.record.recording, run.read(Capture), run.read(Input)
     if head is None:
         raise BrokenRecording(f"{folder / 'run.json'} does not describe the recording.")
@@ -153,7 +153,7 @@ async def complete(folder: Path, render: str) -> RunRecord:
                 raise RunFailed(f"Picture {index} of the run cannot be compared: {error}") from None
             if quality is not None:
                 assessed.append(quality)
-            if index == len(captures) // 2 and (current := pose_at(inputs, capture.at)):
+            if index == len(captures) // 2 and (current := input_at(inputs, capture.at)):
                 writer.snapshot(Snapshot(at=capture.at, capture=index), encode(await truth.picture(current)))
     writer.write(CaptureQuality, assessed)
     return writer.close(status="complete")

@@ -36,7 +36,7 @@ START_EVERY_S = 3.0
 """Browsers that start together wait for each other in the graphics driver, which makes nearby runs stutter."""
 STOP_S = 30
 """Longer than a lab takes to stop."""
-MOST_ENDED = 3
+MAX_ENDED = 3
 """Number of labs that may end early, as when the system runs out of memory, before the experiment is abandoned."""
 LINE_BYTES = 1 << 24
 """Maximum length of a line of JSON, which holds a block of runs or the record of one."""
@@ -75,10 +75,10 @@ class Worker:
     _answers: asyncio.StreamReader
     _errors: IO[bytes]
 
-    def tell(self, line: str) -> None:
+    def send(self, line: str) -> None:
         self._commands.write(f"{line}\n".encode())
 
-    async def answer(self) -> Answer:
+    async def receive(self) -> Answer:
         """The next line. Raises LabEnded, and StartError if the worker cannot continue."""
         line = await self._answers.readline()
         if not line:
@@ -91,7 +91,7 @@ class Worker:
         return answer
 
 
-async def make_in_labs(
+async def make_runs_in_labs(
     experiment: Experiment,
     missing: Sequence[Configuration],
     count: int,
@@ -103,7 +103,7 @@ async def make_in_labs(
 
     Raises StartError as `make_missing_runs` does.
     """
-    blocks = deque(blocks_of(missing))
+    blocks = deque(group_blocks(missing))
     job = Job(
         plan=experiment.plan,
         directory=str(experiment.inputs.directory),
@@ -122,26 +122,26 @@ async def make_in_labs(
             await asyncio.sleep((place - 1) * START_EVERY_S)
         while blocks:
             try:
-                async with started_worker() as worker:
-                    worker.tell((job if place else first).model_dump_json())
-                    await worker.answer()
+                async with start_worker() as worker:
+                    worker.send((job if place else first).model_dump_json())
+                    await worker.receive()
                     checked.set()
                     await make_blocks(worker)
             except LabEnded:
                 ended += 1
-                if ended == MOST_ENDED:
+                if ended == MAX_ENDED:
                     raise
 
     async def make_blocks(worker: Worker) -> None:
         failures = 0
         while blocks:
             block = deque(blocks.popleft())
-            worker.tell(json.dumps([run.slug for run in block]))
+            worker.send(json.dumps([run.slug for run in block]))
             while block:
                 callbacks.on_begin(block[0])
                 callbacks.on_stage("measures")
                 try:
-                    record = (await worker.answer()).record
+                    record = (await worker.receive()).record
                 except LabEnded:
                     blocks.appendleft([*block])
                     raise
@@ -162,7 +162,7 @@ async def make_in_labs(
         raise errors.exceptions[0] from None
 
 
-def blocks_of(runs: Sequence[Configuration]) -> list[list[Configuration]]:
+def group_blocks(runs: Sequence[Configuration]) -> list[list[Configuration]]:
     """Runs in their order, grouped into lists with equal inputs, which one lab makes consecutively for comparison."""
     blocks: dict[tuple[object, ...], list[Configuration]] = {}
     for run in runs:
@@ -172,7 +172,7 @@ def blocks_of(runs: Sequence[Configuration]) -> list[list[Configuration]]:
 
 
 @asynccontextmanager
-async def started_worker() -> AsyncIterator[Worker]:
+async def start_worker() -> AsyncIterator[Worker]:
     """A worker process during the context. Its lab's experiment store has an empty folder."""
     with TemporaryDirectory(prefix="tigas-lab-") as results, TemporaryFile() as errors:
         process = await asyncio.create_subprocess_exec(
@@ -204,24 +204,24 @@ def main() -> None:
     try:
         asyncio.run(_work(job))
     except StartError as error:
-        _say(Answer(problem=str(error)))
+        _send(Answer(problem=str(error)))
 
 
 async def _work(job: Job) -> None:
-    experiment = Experiment.of(job.plan, Path(job.directory), Path(job.out), job.command)
+    experiment = Experiment.from_plan(job.plan, Path(job.directory), Path(job.out), job.command)
     runs = {run.slug: run for run in experiment.runs}
-    callbacks = RunCallbacks(lambda _: None, lambda _: None, lambda record: _say(Answer(record=record)))
+    callbacks = RunCallbacks(lambda _: None, lambda _: None, lambda record: _send(Answer(record=record)))
     webgpu = any(run.enhanced for run in experiment.runs)
     async with open_environment(None, experiment.inputs, ladder=job.plan.ladder, webgpu=webgpu) as environment:
         if job.checks:
             to_check = [runs[slug] for slug in job.checks]
             await prepare(experiment, to_check, environment, allow_changes=job.allow_changes)
-        _say(Answer())
+        _send(Answer())
         while line := await asyncio.to_thread(sys.stdin.readline):
             await make_runs(experiment, [runs[slug] for slug in json.loads(line)], environment, callbacks)
 
 
-def _say(answer: Answer) -> None:
+def _send(answer: Answer) -> None:
     print(answer.model_dump_json(), flush=True)
 
 

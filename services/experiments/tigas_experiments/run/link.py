@@ -54,7 +54,7 @@ class RunLink:
         if self.network.trace is not None:
             await self.shaper.seek(self.network, before_s, self.first.duration_ms)
 
-    def left_alone(self, seen: Iterable[ShaperStatus]) -> bool:
+    def is_undisturbed(self, seen: Iterable[ShaperStatus]) -> bool:
         """Whether the link changed only according to its network during the movement."""
         playing: ShaperStatus | None = None
         for status in seen:
@@ -73,7 +73,7 @@ class RunLink:
 
 
 @asynccontextmanager
-async def link_for(target: Target, network: Network, warm_up_s: float = 0) -> AsyncIterator[RunLink | None]:
+async def reserve_link(target: Target, network: Network, warm_up_s: float = 0) -> AsyncIterator[RunLink | None]:
     """Apply a network before a viewer opens, and return to the shaper's fast link afterwards. Raises RunFailed.
 
     Yields None if there is no shaper and the run needs none.
@@ -94,7 +94,7 @@ async def link_for(target: Target, network: Network, warm_up_s: float = 0) -> As
 
 
 @asynccontextmanager
-async def watching_link(link: RunLink | None) -> AsyncIterator[list[tuple[float, ShaperStatus]]]:
+async def record_link(link: RunLink | None) -> AsyncIterator[list[tuple[float, ShaperStatus]]]:
     """Record (unix ms, status) of the link during the context.
 
     Raises RunFailed at the end if the link was closed or changed from outside.
@@ -122,7 +122,7 @@ async def watching_link(link: RunLink | None) -> AsyncIterator[list[tuple[float,
         raise error
     if closed := next((status.closed for _, status in seen if status.closed), None):
         raise RunFailed(f"The link was closed during the run: {closed}")
-    if not link.left_alone(status for _, status in seen):
+    if not link.is_undisturbed(status for _, status in seen):
         raise RunFailed("The link was changed from outside during the run.")
 
 

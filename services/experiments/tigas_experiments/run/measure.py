@@ -14,14 +14,14 @@ from tigas_common.errors import StartError
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.records.files import BrokenRecording
 from tigas_experiments.records.folder import RunRecord, RunWriter
-from tigas_experiments.records.load import watching_load
+from tigas_experiments.records.load import monitor_load
 from tigas_experiments.records.samples import write_sample_file, write_samples
-from tigas_experiments.run.browser import Viewer, viewer
-from tigas_experiments.run.environment import Environment, Setup
+from tigas_experiments.run.browser import Viewer, open_viewer
+from tigas_experiments.run.environment import Environment, RunSetup
 from tigas_experiments.run.job import complete, page_settings, run_plan, write_records
-from tigas_experiments.run.link import link_for, link_sample, watching_link
-from tigas_experiments.run.targets import fault
-from tigas_experiments.run.watched import watched
+from tigas_experiments.run.link import link_sample, record_link, reserve_link
+from tigas_experiments.run.targets import find_fault
+from tigas_experiments.run.watched import find_watched
 from tigas_experiments.wire.recording import Recording
 from tigas_experiments.wire.run import Configuration
 from tigas_experiments.wire.store import RunUpload
@@ -30,7 +30,7 @@ DRAIN_S = 30
 """Seconds that a recording may take beyond its movement."""
 
 
-async def run(
+async def measure_run(
     environment: Environment, configuration: Configuration, folder: Path, stage: Callable[[str], None]
 ) -> RunRecord:
     """Make one run, write its folder, and return its record. A failed run is marked and does not raise.
@@ -67,29 +67,29 @@ async def run(
 
 
 async def _measure(
-    setup: Setup, configuration: Configuration, writer: RunWriter, stage: Callable[[str], None]
+    setup: RunSetup, configuration: Configuration, writer: RunWriter, stage: Callable[[str], None]
 ) -> RunRecord:
     stage("opening the viewer")
     url, scene = setup.target.url, configuration.scene
     plan = run_plan(configuration, setup.points)
-    async with viewer(setup.browser, url, scene, configuration.width, configuration.height) as page:
-        async with link_for(setup.target, setup.network, configuration.warm_up_s) as link:
+    async with open_viewer(setup.browser, url, scene, configuration.width, configuration.height) as page:
+        async with reserve_link(setup.target, setup.network, configuration.warm_up_s) as link:
             await page.prepare(page_settings(configuration), setup.points[0])
             stage("warms up")
             if link is not None:
                 await link.warm_up()
             await asyncio.sleep(configuration.warm_up_s)
             stage("measures")
-            watch = await asyncio.to_thread(watched, setup.target)
-            async with watching_load(url, processes=watch.processes) as load:
+            watch = await asyncio.to_thread(find_watched, setup.target)
+            async with monitor_load(url, processes=watch.processes) as load:
                 if link is not None:
                     await link.play()
-                async with watching_link(link) as seen:
+                async with record_link(link) as seen:
                     recording = await page.record(plan, patience_s=configuration.duration_s + DRAIN_S)
                     await page.check()
         start = recording.started_unix_ms
         # A page that no longer receives frames still plays to the end.
-        problem = await fault(setup.target)
+        problem = await find_fault(setup.target)
         sampled = configuration.sample_stride > 0
         upload = RunUpload(
             problem=problem,

@@ -189,10 +189,10 @@ class ExperimentPlan(WireModel):
             data = json.loads(text) if is_json else tomllib.loads(text)
         except (ValueError, RecursionError) as error:
             raise StartError(f"{source} is not {'JSON' if is_json else 'TOML'}: {quotable(str(error), 200)}.") from None
-        return cls.of(data, source)
+        return cls.from_data(data, source)
 
     @classmethod
-    def of(cls, data: dict[str, Any], source: str) -> Self:
+    def from_data(cls, data: dict[str, Any], source: str) -> Self:
         """Parse a file's content. Raises StartError with one sentence."""
         if unknown := [key for key in data if key not in cls.model_fields]:
             raise StartError(f"{source}: unknown key {unknown[0][:100]!r}; the keys are {', '.join(cls.model_fields)}.")
@@ -252,8 +252,8 @@ class ExperimentPlan(WireModel):
             raise StartError(f"{self.name}: {describe_error(error)}") from None
         except ValueError as error:
             raise StartError(f"{self.name}: {error}.") from None
-        if seconds(runs) > MAX_S:
-            raise StartError(f"{self.name} would take {lasting(runs)}; the limit is {MAX_S // 86_400} days.")
+        if estimate_seconds(runs) > MAX_S:
+            raise StartError(f"{self.name} would take {format_duration(runs)}; the limit is {MAX_S // 86_400} days.")
         _check_folders(runs)
         return runs
 
@@ -289,11 +289,11 @@ class ExperimentPlan(WireModel):
         self, networks: Sequence[tuple[int, Network]], profiles: Sequence[Chosen]
     ) -> Iterator[tuple[int, Inputs, Chosen]]:
         """A randomised block design: compared runs are close in time, in unbiased order."""
-        chance = Random(self.seed)
+        rng = Random(self.seed)
 
         def in_order(values: Iterable[Value]) -> list[Value]:
             every = list(values)
-            return chance.sample(every, len(every)) if self.shuffled else every
+            return rng.sample(every, len(every)) if self.shuffled else every
 
         for repeat in range(self.repeats):
             for inputs in in_order(self._inputs(networks)):
@@ -352,7 +352,7 @@ def _representation(name: str) -> RepresentationRequest | None:
         raise StartError(f"There is no representation {name!r}: {describe_error(error)}") from None
 
 
-def seconds(runs: Sequence[Configuration]) -> float:
+def estimate_seconds(runs: Sequence[Configuration]) -> float:
     """Approximate duration of runs in seconds."""
     return sum(run.warm_up_s + run.duration_s + OVERHEAD_S + _comparing_s(run) for run in runs)
 
@@ -362,9 +362,9 @@ def _comparing_s(run: Configuration) -> float:
     return pictures * (PICTURE_S + MEGAPIXEL_S * run.width * run.height / 1e6)
 
 
-def lasting(runs: Sequence[Configuration]) -> str:
+def format_duration(runs: Sequence[Configuration]) -> str:
     """Approximate duration of runs, for people: `6 minutes`."""
-    whole = seconds(runs)
+    whole = estimate_seconds(runs)
     for unit, size, digits in (("days", 86_400, 1), ("hours", 3600, 1), ("minutes", 60, 0)):
         if whole >= 2 * size:
             return f"{round(whole / size, digits):g} {unit}"

@@ -21,11 +21,11 @@ from rich.table import Column
 
 from tigas_common.errors import StartError
 from tigas_experiments.records.folder import RunRecord
-from tigas_experiments.run.checks import changes
+from tigas_experiments.run.checks import find_changes
 from tigas_experiments.run.environment import Environment, open_environment
 from tigas_experiments.run.experiment import GIVE_UP_AFTER, Experiment
-from tigas_experiments.run.measure import run
-from tigas_experiments.run.plan import lasting
+from tigas_experiments.run.measure import measure_run
+from tigas_experiments.run.plan import format_duration
 from tigas_experiments.wire.run import Configuration
 
 SPEED_OVER_S = 3600
@@ -75,10 +75,10 @@ async def prepare(
 
 async def _check_changes(experiment: Experiment, missing: Sequence[Configuration], environment: Environment) -> None:
     """Raise StartError if the commit, browser, ladder or scenes differ from those of the existing runs."""
-    kept = experiment.kept(missing)
+    kept = experiment.kept_records(missing)
     if not kept:
         return
-    changed = changes(kept, await environment.made_with(sorted({record.configuration.scene for record in kept})))
+    changed = find_changes(kept, await environment.versions(sorted({record.configuration.scene for record in kept})))
     if changed:
         raise StartError(
             f"Since the complete runs in {experiment.out} were made, there is another {' and another '.join(changed)}: "
@@ -94,7 +94,7 @@ async def make_runs(
     for configuration in missing:
         callbacks.on_begin(configuration)
         experiment.set_aside(configuration)
-        record = await run(environment, configuration, experiment.folder(configuration), callbacks.on_stage)
+        record = await measure_run(environment, configuration, experiment.folder(configuration), callbacks.on_stage)
         callbacks.on_finish(record)
         failures = 0 if record.status == "complete" else failures + 1
         if failures == GIVE_UP_AFTER:
@@ -155,7 +155,7 @@ def progress(
 
     count = f"{total} run{'s' if total != 1 else ''}"
     if missing:
-        say(f"{f'{len(missing)} of ' if done else ''}{count}, about {lasting(missing)}, into {experiment.out}")
+        say(f"{f'{len(missing)} of ' if done else ''}{count}, about {format_duration(missing)}, into {experiment.out}")
     shown = Group(overall, current) if console.is_terminal else ""
     with Live(shown, console=console, refresh_per_second=REFRESHES_PER_S, transient=True):
         yield RunCallbacks(on_begin, on_stage, on_finish)

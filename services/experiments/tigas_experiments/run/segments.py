@@ -45,7 +45,7 @@ def trace_offsets(
         raise StartError(
             f"{network.name} has room for {max(0, room)} segments of {length_s:g} s from {begin_s:g} s on, not {count}."
         )
-    return [begin_s + offset for offset in _apart(end_s - begin_s, length_s, count, Random(f"{seed} {network.name}"))]
+    return [begin_s + offset for offset in _starts(end_s - begin_s, length_s, count, Random(f"{seed} {network.name}"))]
 
 
 def movement_offsets(movement: str, directory: Path, *, length_s: float, count: int, seed: int) -> list[float]:
@@ -55,22 +55,22 @@ def movement_offsets(movement: str, directory: Path, *, length_s: float, count: 
     shorter than one part.
     """
     path = directory / movement
-    chance = Random(f"{seed} {Path(movement).name}")
+    rng = Random(f"{seed} {Path(movement).name}")
     total_s = MovementTrace.read(path).duration_ms / 1000 if path.is_file() else length_s * count
     if total_s < length_s:
         raise StartError(f"The movement {movement} lasts {total_s:.1f} s, less than a run's {length_s:g} s.")
     if total_s >= length_s * count:
-        offsets = _apart(total_s, length_s, count, chance)
+        offsets = _starts(total_s, length_s, count, rng)
     else:
         offsets = [_milliseconds(place * (total_s - length_s) / (count - 1)) for place in range(count)]
-    chance.shuffle(offsets)
+    rng.shuffle(offsets)
     return offsets
 
 
-def _apart(total_s: float, length_s: float, count: int, chance: Random) -> list[float]:
+def _starts(total_s: float, length_s: float, count: int, rng: Random) -> list[float]:
     """Start times of parts that do not overlap, uniformly distributed over all possible placements."""
     spare = total_s - length_s * count
-    gaps = sorted(chance.uniform(0, spare) for _ in range(count))
+    gaps = sorted(rng.uniform(0, spare) for _ in range(count))
     return [_milliseconds(place * length_s + gap) for place, gap in enumerate(gaps)]
 
 

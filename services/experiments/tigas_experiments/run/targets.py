@@ -28,7 +28,7 @@ START_S = 120
 STOP_S = 15
 ANSWER_S = 10
 """Long, for busy machines."""
-VARIABLE = {"retry_after_s", "max_upload_bytes"}
+VARYING_FIELDS = {"retry_after_s", "max_upload_bytes"}
 """Fields of the configuration that depend on the load and on free disk space."""
 
 
@@ -57,7 +57,7 @@ class Target:
 async def lab_target(ladder: LadderName) -> AsyncIterator[Target]:
     """Run the namespace lab, as a context manager. Raises StartError."""
     await asyncio.to_thread(check_lab)
-    if await _serves(LAB_URL):
+    if await _is_serving(LAB_URL):
         raise StartError(f"Something is already serving {LAB_URL}; stop it, or measure it with --url {LAB_URL}.")
     # In a separate session, so that Ctrl+C only reaches this process and runs end before their services. The lab ends
     # if this process dies.
@@ -69,13 +69,13 @@ async def lab_target(ladder: LadderName) -> AsyncIterator[Target]:
         start_new_session=True,
         env=os.environ | {"PYTHONUNBUFFERED": "1", "TIGAS_RENDER_LADDER": ladder},
     )
-    log = asyncio.create_task(asyncio.to_thread(_last_words, process))
+    log = asyncio.create_task(asyncio.to_thread(_read_last_line, process))
     try:
-        target = await _ready(process, log)
+        target = await _wait_until_ready(process, log)
         lab = psutil.Process(process.pid)
         yield replace(target, lab=lab, processes=frozenset(lab.children()))
     finally:
-        await asyncio.shield(asyncio.to_thread(_end, process))
+        await asyncio.shield(asyncio.to_thread(_stop_lab, process))
 
 
 @asynccontextmanager
@@ -97,7 +97,7 @@ async def read_config(url: str) -> ServerConfig:
             raise StartError(f"No TIGAS render service answers at {url}.") from None
 
 
-async def fault(target: Target) -> str | None:
+async def find_fault(target: Target) -> str | None:
     """One sentence if a service does not answer or was restarted, or the link is closed; otherwise None.
 
     A restarted render service has another certificate in its configuration, a restarted lab service another process.
@@ -106,7 +106,7 @@ async def fault(target: Target) -> str | None:
         config = await read_config(target.url)
     except StartError as error:
         return str(error)
-    fixed = ServerConfig.model_fields.keys() - VARIABLE
+    fixed = ServerConfig.model_fields.keys() - VARYING_FIELDS
     if changed := sorted(name for name in fixed if getattr(config, name) != getattr(target.config, name)):
         return f"The render service was restarted or changed: {', '.join(changed)}."
     if target.lab is not None:
@@ -117,7 +117,7 @@ async def fault(target: Target) -> str | None:
         if ended:
             return f"A service of the lab has ended: process {', '.join(str(one.pid) for one in ended)}."
     services = [url for url in (target.url, target.shaper, target.dash) if url is not None]
-    answers = [await _serves(url, ANSWER_S) for url in services]
+    answers = [await _is_serving(url, ANSWER_S) for url in services]
     silent = [url for url, answer in zip(services, answers, strict=True) if not answer]
     return f"{' and '.join(silent)} did not answer, or does not work." if silent else None
 
@@ -145,27 +145,27 @@ def check_lab() -> None:
         raise StartError(f"The lab needs setpriv: sudo apt-get install util-linux, or {advice}.")
 
 
-async def _ready(process: subprocess.Popen[bytes], log: asyncio.Task[str]) -> Target:
+async def _wait_until_ready(process: subprocess.Popen[bytes], log: asyncio.Task[str]) -> Target:
     latest = time.monotonic() + START_S
     while time.monotonic() < latest:
         if process.poll() is not None:
             raise StartError(f"The lab did not start: {await log or 'it gave no reason'}")
-        if await _serves(LAB_URL):
+        if await _is_serving(LAB_URL):
             target = Target(LAB_URL, await read_config(LAB_URL))
-            if await fault(target) is None:
+            if await find_fault(target) is None:
                 return target
         await asyncio.sleep(0.3)
     raise StartError(f"The lab's services did not answer within {START_S} s.")
 
 
-async def _serves(url: str, patience_s: float = 2) -> bool:
+async def _is_serving(url: str, patience_s: float = 2) -> bool:
     async with httpx.AsyncClient(timeout=patience_s, trust_env=False, verify=False) as http:
         with contextlib.suppress(httpx.HTTPError):
             return (await http.get(f"{url.rstrip('/')}/healthz")).is_success
     return False
 
 
-def _last_words(process: subprocess.Popen[bytes]) -> str:
+def _read_last_line(process: subprocess.Popen[bytes]) -> str:
     """The last line of the process's error output, once it has ended."""
     assert process.stderr is not None
     last = ""
@@ -175,7 +175,7 @@ def _last_words(process: subprocess.Popen[bytes]) -> str:
     return last
 
 
-def _end(process: subprocess.Popen[bytes]) -> None:
+def _stop_lab(process: subprocess.Popen[bytes]) -> None:
     terminate(process, STOP_S)
     if process.returncode < 0:  # killed, so that it has not cleaned up
         subprocess.run(tigas_command("lab", "down"), capture_output=True)

@@ -28,13 +28,13 @@ class Watched:
     services: WatchedServices
 
 
-def watched(target: Target) -> Watched:
+def find_watched(target: Target) -> Watched:
     """Child processes, including browser and lab, and processes listening on the services' ports."""
     found = psutil.Process().children(recursive=True)
     services: WatchedServices = "threads"
     if target.lab is None:
         urls = [url for url in (target.url, target.shaper, target.dash) if url is not None]
-        here = [url for url in urls if is_here(url)]
+        here = [url for url in urls if is_local(url)]
         ports = {_port(url) for url in here}
         listeners = _listeners(ports)
         if len(here) < len(urls):
@@ -43,12 +43,12 @@ def watched(target: Target) -> Watched:
             services = "processors"
         for listener in listeners.values():
             with suppress(psutil.Error):
-                first = _first(listener)
+                first = _root_process(listener)
                 found += [first, *first.children(recursive=True)]
     return Watched({process: name for process in found if (name := _name(process)) is not None}, services)
 
 
-def is_here(url: str) -> bool:
+def is_local(url: str) -> bool:
     """Whether a URL's host is this machine."""
     host = urlsplit(url).hostname or ""
     if is_loopback(host):
@@ -78,7 +78,7 @@ def _name(process: psutil.Process) -> str | None:
     return None
 
 
-def _first(process: psutil.Process) -> psutil.Process:
+def _root_process(process: psutil.Process) -> psutil.Process:
     """The parent process of a service with several processes, such as edges and engines. Raises psutil.Error."""
     for parent in process.parents():
         if not _is_ours(parent):

@@ -8,12 +8,12 @@ from pathlib import Path
 from tigas_common.files import read_regular
 from tigas_common.render_requests import RenderClient, RenderProblem
 from tigas_common.wire.render import RenderRequest
-from tigas_experiments.quality.ground_truth import pose_at
-from tigas_experiments.quality.picture import BrokenPicture, CaptureQuality, compare, decode, decode_shown
+from tigas_experiments.quality.ground_truth import input_at
+from tigas_experiments.quality.picture import BrokenPicture, CaptureQuality, compare, decode, decode_screen
 from tigas_experiments.records.files import BrokenRecording
 from tigas_experiments.records.folder import StoredRun, capture_path
 from tigas_experiments.records.samples import MAX_PICTURE_BYTES, TRUTH
-from tigas_experiments.samples.rerender import OnProgress, changed_scene, concurrently
+from tigas_experiments.samples.rerender import OnProgress, changed_scene, run_concurrently
 from tigas_experiments.wire.recording import Capture, Input, RecordingHead
 
 SAME_DB = 0.5
@@ -55,7 +55,7 @@ async def render_truth(
         done += 1
         on_progress(done, len(missing))
 
-    await concurrently(missing, work)
+    await run_concurrently(missing, work)
     return " ".join(problems[:1]) or None
 
 
@@ -69,7 +69,7 @@ async def _keep(
     quality: CaptureQuality,
 ) -> None:
     """Store one ground truth if it matches the run's comparison. Raises BrokenPicture, RenderProblem and OSError."""
-    pose = pose_at(inputs, capture.at)
+    pose = input_at(inputs, capture.at)
     if pose is None:
         return
     request = RenderRequest.at(head.scene, pose.camera, head.lens.intrinsics, format="png")
@@ -81,7 +81,7 @@ async def _keep(
 
 
 def _check(picture: bytes, truth: bytes, quality: CaptureQuality) -> None:
-    found = compare(decode_shown(picture)[0], decode(truth))
+    found = compare(decode_screen(picture)[0], decode(truth))
     if quality.seen is not None and abs(found.psnr_db - quality.seen.psnr_db) > SAME_DB:
         raise BrokenPicture(
             f"the renderer answers differently now: the picture was {quality.seen.psnr_db:.1f} dB from ground truth in "

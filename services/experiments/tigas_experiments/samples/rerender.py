@@ -17,10 +17,10 @@ from tigas_common.parsing import describe_error
 from tigas_common.pose import Intrinsics
 from tigas_common.render_requests import MAX_CONCURRENT, RenderClient, RenderProblem, RenderUnavailable
 from tigas_common.wire.render import RenderRequest
-from tigas_experiments.lock import EXPERIMENT, exclusive
-from tigas_experiments.quality.picture import BrokenPicture, compare, decode, opened
+from tigas_experiments.lock import LOCK_NAME, hold_lock
+from tigas_experiments.quality.picture import BrokenPicture, compare, decode, open_picture
 from tigas_experiments.records.files import BrokenRecording
-from tigas_experiments.records.folder import RunRecord, StoredRun, experiment_of
+from tigas_experiments.records.folder import RunRecord, StoredRun, experiment_folder
 from tigas_experiments.records.samples import (
     JPEG,
     MAX_PICTURE_BYTES,
@@ -29,9 +29,9 @@ from tigas_experiments.records.samples import (
     Rerendered,
     SampledRun,
     append_rerendered,
+    read_sampled_run,
     rerender_log,
     sample_path,
-    sampled_run,
 )
 from tigas_experiments.wire.recording import Sample
 
@@ -49,7 +49,7 @@ async def rerender(
 
     Raises OSError, and RenderUnavailable if the service does not answer.
     """
-    before = await asyncio.to_thread(sampled_run, run)
+    before = await asyncio.to_thread(read_sampled_run, run)
     if before.problem is not None or not before.samples:
         return before
     if (run / "samples").is_symlink() or not (run / "samples").is_dir():
@@ -68,11 +68,11 @@ async def rerender(
     if (changed := changed_scene(record, scene.file_sha256)) is not None:
         return replace(before, problem=changed)
     total = len(before.samples)
-    await _ask_for(run, todo, renderer, lambda done: on_progress(total - len(todo) + done, total), again)
-    return await asyncio.to_thread(sampled_run, run)
+    await _rerender_samples(run, todo, renderer, lambda done: on_progress(total - len(todo) + done, total), again)
+    return await asyncio.to_thread(read_sampled_run, run)
 
 
-async def _ask_for(
+async def _rerender_samples(
     run: Path, todo: Sequence[Sample], renderer: RenderClient, on_progress: Callable[[int], None], again: bool
 ) -> None:
     """Render a few samples concurrently, and log each result immediately."""
@@ -86,11 +86,11 @@ async def _ask_for(
             done += 1
             on_progress(done)
 
-        await concurrently(todo, work)
+        await run_concurrently(todo, work)
 
 
-async def concurrently(items: Iterable[Item], work: Callable[[Item], Awaitable[None]]) -> None:
-    """Process items with AT_ONCE workers. Raises the first RenderUnavailable or OSError of a worker."""
+async def run_concurrently(items: Iterable[Item], work: Callable[[Item], Awaitable[None]]) -> None:
+    """Process items with MAX_CONCURRENT workers. Raises the first RenderUnavailable or OSError of a worker."""
     left = iter(items)
 
     async def worker() -> None:
@@ -115,16 +115,16 @@ def changed_scene(record: RunRecord, sha256: str | None) -> str | None:
     )
 
 
-def sampled_runs(folder: Path) -> list[Path]:
+def require_sampled_runs(folder: Path) -> list[Path]:
     """Runs with samples in the folder of an experiment or a run. Raises StartError if there are none."""
-    found = with_samples(folder)
+    found = find_sampled_runs(folder)
     if not found:
         raise StartError(f"{folder} has no samples: only runs with a `sample_stride` do (docs/experiments.md).")
     return found
 
 
-def with_samples(folder: Path) -> list[Path]:
-    """Like `sampled_runs`, but possibly empty. Raises StartError if there are no runs."""
+def find_sampled_runs(folder: Path) -> list[Path]:
+    """Like `require_sampled_runs`, but possibly empty. Raises StartError if there are no runs."""
     if (folder / "run.json").is_file():
         runs = [folder]
     else:
@@ -142,11 +142,11 @@ def _is_run(path: Path) -> bool:
 
 
 @contextmanager
-def locked(folder: Path) -> Iterator[None]:
+def lock_experiment(folder: Path) -> Iterator[None]:
     """Lock an experiment against other writers during the context. Raises StartError and OSError."""
-    experiment = experiment_of(folder)
+    experiment = experiment_folder(folder)
     busy = f"Another command is using {experiment}; try again later."
-    with exclusive(experiment / EXPERIMENT, busy):
+    with hold_lock(experiment / LOCK_NAME, busy):
         yield
 
 
@@ -158,12 +158,12 @@ def _is_complete(run: Path, sample: Sample, known: Mapping[int, Rerendered]) -> 
     return one.identical is True or sample_path(run, sample.seq, REPLAYED).is_file()
 
 
-def request_again(sample: Sample) -> RenderRequest:
+def repeated_request(sample: Sample) -> RenderRequest:
     """The run's request, without its deadline."""
     return sample.request.model_copy(update={"deadline_ms": None})
 
 
-def shown_size(sample: Sample) -> tuple[int, int]:
+def displayed_size(sample: Sample) -> tuple[int, int]:
     """Width and height in pixels, with overscan margins: of an enhanced picture as shown, or else enlarged to the
     viewport.
     """
@@ -171,10 +171,10 @@ def shown_size(sample: Sample) -> tuple[int, int]:
     return (sample.width, sample.height) if sample.enhanced else (lens.width, lens.height)
 
 
-def request_truth(sample: Sample) -> RenderRequest:
+def truth_request(sample: Sample) -> RenderRequest:
     """Request for the same view, lossless and in its displayed size. Raises BrokenPicture if the size is impossible."""
     request = sample.request
-    lens = _lens(request).resized(*shown_size(sample))
+    lens = _lens(request).resized(*displayed_size(sample))
     plain = {
         "profile": None, "format": "png", "deadline_ms": None, "overscan": 0.0, "depth": False
     }  # fmt: skip
@@ -198,12 +198,12 @@ async def replay(run: Path, sample: Sample, renderer: RenderClient, *, again: bo
     problems: list[str] = []
     identical = psnr_db = None
     try:
-        identical, psnr_db = await _compare(run, sample, await renderer.frame(request_again(sample)))
+        identical, psnr_db = await _compare(run, sample, await renderer.frame(repeated_request(sample)))
     except (RenderProblem, BrokenPicture) as error:
         problems.append(str(error))
     if again or not await asyncio.to_thread(has_truth, run, sample):
         try:
-            truth = await renderer.frame(request_truth(sample))
+            truth = await renderer.frame(truth_request(sample))
             await asyncio.to_thread(_keep_truth, run, sample, truth)
         except (RenderProblem, BrokenPicture) as error:
             problems.append(str(error))
@@ -223,11 +223,11 @@ def has_truth(run: Path, sample: Sample) -> bool:
 
 def check_truth(data: bytes, sample: Sample) -> None:
     """Raise BrokenPicture unless the data is a complete PNG of a sample's size."""
-    with opened(data) as image:
+    with open_picture(data) as image:
         if image.format != "PNG":
             raise BrokenPicture(f"The ground truth is not PNG, but {image.format}.")
-        if image.size != shown_size(sample):
-            (width, height), (wanted_width, wanted_height) = image.size, shown_size(sample)
+        if image.size != displayed_size(sample):
+            (width, height), (wanted_width, wanted_height) = image.size, displayed_size(sample)
             raise BrokenPicture(f"The ground truth has {width}×{height} pixels, not {wanted_width}×{wanted_height}.")
         image.verify()
 
@@ -237,36 +237,36 @@ async def _compare(run: Path, sample: Sample, again: bytes) -> tuple[bool, float
     kept = sample_path(run, sample.seq, REPLAYED)
     try:
         path = sample_path(run, sample.seq, JPEG)
-        came = await asyncio.to_thread(read_regular, path, MAX_PICTURE_BYTES, follow=False)
+        original = await asyncio.to_thread(read_regular, path, MAX_PICTURE_BYTES, follow=False)
     except OSError as error:
         raise BrokenPicture(f"The frame received in the run cannot be read: {error.strerror or error}.") from None
-    if came == again:
-        with _in_the_way(kept):
+    if original == again:
+        with _folder_errors(kept):
             kept.unlink(missing_ok=True)
         return True, None
-    apart = await asyncio.to_thread(_psnr_db, came, again)
-    await asyncio.to_thread(_write_whole, kept, again)
+    apart = await asyncio.to_thread(_psnr_db, original, again)
+    await asyncio.to_thread(_write_atomically, kept, again)
     return False, apart
 
 
-def _psnr_db(came: bytes, again: bytes) -> float | None:
+def _psnr_db(original: bytes, again: bytes) -> float | None:
     """PSNR of two frames; None if their sizes differ. Raises BrokenPicture."""
-    one, other = decode(came), decode(again)
+    one, other = decode(original), decode(again)
     return compare(one, other).psnr_db if one.shape == other.shape else None
 
 
 def _keep_truth(run: Path, sample: Sample, truth: bytes) -> None:
     check_truth(truth, sample)
-    _write_whole(sample_path(run, sample.seq, TRUTH), truth)
+    _write_atomically(sample_path(run, sample.seq, TRUTH), truth)
 
 
-def _write_whole(path: Path, data: bytes) -> None:
+def _write_atomically(path: Path, data: bytes) -> None:
     """Write a file atomically; a link of that name is replaced, not followed.
 
     Raises BrokenPicture if a folder has that name, and OSError.
     """
     part = path.with_name(f".{path.name}.part")
-    with _in_the_way(path):
+    with _folder_errors(path):
         part.unlink(missing_ok=True)
         with part.open("xb") as file:
             file.write(data)
@@ -274,7 +274,7 @@ def _write_whole(path: Path, data: bytes) -> None:
 
 
 @contextmanager
-def _in_the_way(path: Path) -> Iterator[None]:
+def _folder_errors(path: Path) -> Iterator[None]:
     try:
         yield
     except IsADirectoryError:

@@ -18,7 +18,7 @@ from typing import TypeVar
 
 from tigas_common.errors import StartError, StorageFailed
 from tigas_common.files import flush_folder
-from tigas_experiments.lock import EXPERIMENT, exclusive
+from tigas_experiments.lock import LOCK_NAME, hold_lock
 from tigas_experiments.records.files import BrokenRecording
 from tigas_experiments.records.folder import ExperimentRecord, RunRecord, StoredRun, read_experiment
 from tigas_experiments.records.samples import INDEX as SAMPLES
@@ -135,10 +135,10 @@ class Experiments:
     def remove(self, experiment: str) -> None:
         """Remove an experiment. Raises UnknownExperiment and ExperimentInUse."""
         folder, _ = self.find(experiment)
-        lock = folder / EXPERIMENT
+        lock = folder / LOCK_NAME
         with storage_explained():
             try:
-                with exclusive(lock, "") if lock.exists() else nullcontext():
+                with hold_lock(lock, "") if lock.exists() else nullcontext():
                     self._workspace.remove(folder)
             except StartError:
                 raise ExperimentInUse(f"A command is running the experiment {experiment}; stop it first.") from None

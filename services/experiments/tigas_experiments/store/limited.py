@@ -22,7 +22,7 @@ from tigas_experiments.records.load import LoadSample
 from tigas_experiments.records.machine import Machine
 from tigas_experiments.run.experiment import Experiment
 from tigas_experiments.run.inputs import Inputs
-from tigas_experiments.run.job import MadeFrom, complete, write_records
+from tigas_experiments.run.job import RunSources, complete, write_records
 from tigas_experiments.run.plan import ExperimentPlan
 from tigas_experiments.store.errors import storage_explained
 from tigas_experiments.wire.movement import TimedPose
@@ -58,7 +58,7 @@ def expand(body: bytes, movements: Path, out: Path) -> tuple[Experiment, Mapping
             for name in plan.movements:
                 if name not in KINDS:
                     _keep_movement(name, request.movements, movements, out / INPUTS)
-        experiment = Experiment.of(plan, out / INPUTS, out, traces_s=request.traces_s)
+        experiment = Experiment.from_plan(plan, out / INPUTS, out, traces_s=request.traces_s)
         for run in {run.movement: run for run in experiment.runs}.values():
             experiment.inputs.movement(run)
     except StartError as error:
@@ -69,8 +69,8 @@ def expand(body: bytes, movements: Path, out: Path) -> tuple[Experiment, Mapping
 def reopen(folder: Path, record: ExperimentRecord) -> Experiment:
     """Open a page's experiment from its folder. Raises InvalidRequest."""
     try:
-        plan = ExperimentPlan.of(record.plan, "Another version made this experiment, so it cannot be resumed")
-        experiment = Experiment.of(plan, folder / INPUTS, folder, traces_s=record.traces_s)
+        plan = ExperimentPlan.from_data(record.plan, "Another version made this experiment, so it cannot be resumed")
+        experiment = Experiment.from_plan(plan, folder / INPUTS, folder, traces_s=record.traces_s)
         experiment.missing()  # checks that all inputs exist
     except StartError as error:
         raise InvalidRequest(str(error)) from None
@@ -117,7 +117,7 @@ def keep_upload(
     body: Path,
     folder: Path,
     configuration: Configuration,
-    made_from: MadeFrom,
+    made_from: RunSources,
     load: Sequence[LoadSample],
     machine: Machine,
 ) -> RunRecord:
@@ -150,7 +150,7 @@ def complete_upload(folder: Path, render: str) -> None:
         try:
             asyncio.run(complete(folder, render))
         except (RunFailed, BrokenRecording) as error:
-            RunWriter.resumed(StoredRun(folder)).close(status="failed", problem=str(error))
+            RunWriter.resume(StoredRun(folder)).close(status="failed", problem=str(error))
 
 
 def _browser(user_agent: str) -> str | None:

@@ -16,8 +16,8 @@ from tigas_common.offload import Offload, offload_to_process
 from tigas_common.origins import OriginPolicy
 from tigas_common.resources import use_one_arena
 from tigas_common.runner import listen_errors, serve_listener, wait_for_stop
-from tigas_experiments.records.load import EVERY_S, LoadSample, watching_load
-from tigas_experiments.records.machine import Machine, this_machine
+from tigas_experiments.records.load import SAMPLE_EVERY_S, LoadSample, monitor_load
+from tigas_experiments.records.machine import Machine, describe_machine
 from tigas_experiments.store.app import Store, create_app
 from tigas_experiments.store.experiments import Experiments
 from tigas_experiments.store.movements import Movements
@@ -38,8 +38,8 @@ async def serve(settings: StoreSettings) -> None:
     async with AsyncExitStack() as stack:
         with listen_errors(settings.http, "--http"):  # before anything slow
             listener = stack.enter_context(settings.http.listen(limits.unread_s))
-        load = await stack.enter_async_context(watching_load(settings.render, keep=int(REMEMBERED_S / EVERY_S)))
-        machine = await asyncio.to_thread(this_machine)
+        load = await stack.enter_async_context(monitor_load(settings.render, keep=int(REMEMBERED_S / SAMPLE_EVERY_S)))
+        machine = await asyncio.to_thread(describe_machine)
         opened = open_store(settings.results, settings.movements, settings.render, machine=machine, load=load)
         store = await stack.enter_async_context(opened)
         policy = OriginPolicy.from_addresses([settings.http], settings.allow_hosts, settings.allow_origins)

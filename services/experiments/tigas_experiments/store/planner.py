@@ -17,11 +17,11 @@ from tigas_experiments.records.folder import StoredRun
 from tigas_experiments.records.load import LoadSample
 from tigas_experiments.records.machine import Machine, Server
 from tigas_experiments.report.controllers import run_names
-from tigas_experiments.run.checks import MadeWith, changes, check_services
+from tigas_experiments.run.checks import RunVersions, check_services, find_changes
 from tigas_experiments.run.experiment import GIVE_UP_AFTER, RUNS, Experiment
 from tigas_experiments.run.inputs import points_sha256
-from tigas_experiments.run.job import MadeFrom, page_settings, run_plan
-from tigas_experiments.run.plan import lasting, seconds
+from tigas_experiments.run.job import RunSources, page_settings, run_plan
+from tigas_experiments.run.plan import estimate_seconds, format_duration
 from tigas_experiments.run.targets import Target, load_scene, read_config
 from tigas_experiments.store.errors import (
     CannotStart,
@@ -72,7 +72,7 @@ class _Session:
     missing: dict[str, Configuration]
     """Incomplete runs by folder."""
     names: dict[str, str]
-    made_from: dict[str, MadeFrom] = field(default_factory=dict)
+    made_from: dict[str, RunSources] = field(default_factory=dict)
     """Inputs and services of reserved runs, as of their reservation."""
     leases: dict[str, _Lease] = field(default_factory=dict)
     failed: set[str] = field(default_factory=set)
@@ -146,7 +146,7 @@ class Planner:
                 experiment, _ = await self._expand(body, folder / "experiment")
             except BrokenPlan as error:
                 return PlanSummary(runs=0, lasting="", problem=error.detail)
-        return PlanSummary(runs=len(experiment.runs), lasting=lasting(experiment.runs), problem=None)
+        return PlanSummary(runs=len(experiment.runs), lasting=format_duration(experiment.runs), problem=None)
 
     async def create(self, body: bytes) -> str:
         """Start an experiment, and return its id. Raises InvalidRequest, TooCostly and DiskFull."""
@@ -188,7 +188,7 @@ class Planner:
             job=job,
             planned=len(session.experiment.runs),
             missing=len(session.missing),
-            remaining_s=seconds([session.missing[run] for run in untried]),
+            remaining_s=estimate_seconds([session.missing[run] for run in untried]),
             wait=job is None and session.why_given_up is None and bool(untried),
             problem=session.why_given_up,
         )
@@ -278,9 +278,9 @@ class Planner:
         except StartError as error:
             raise CannotStart(str(error)) from None
         if not asked.allow_changes:
-            kept = await asyncio.to_thread(session.experiment.kept, missing)
-            now = MadeWith(self._machine.commit, None, Server.of(config), scenes)
-            if changed := changes(kept, now):
+            kept = await asyncio.to_thread(session.experiment.kept_records, missing)
+            now = RunVersions(self._machine.commit, None, Server.from_config(config), scenes)
+            if changed := find_changes(kept, now):
                 raise VersionsChanged(
                     f"Since the complete runs were made, there is another {' and another '.join(changed)}."
                 )
@@ -327,7 +327,7 @@ class Planner:
             plan=run_plan(configuration, points),
         )
 
-    async def _made_from(self, session: _Session, configuration: Configuration) -> tuple[MadeFrom, list[TimedPose]]:
+    async def _made_from(self, session: _Session, configuration: Configuration) -> tuple[RunSources, list[TimedPose]]:
         try:
             config, scene = await self._services(configuration)
         except StartError as error:
@@ -335,7 +335,7 @@ class Planner:
         points, digests = await self._offload(
             placed_points, session.experiment.inputs, configuration, scene, limit=LIMIT
         )
-        return MadeFrom(digests, points_sha256(points), config, scene), points
+        return RunSources(digests, points_sha256(points), config, scene), points
 
 
 async def _missing_runs(experiment: Experiment) -> dict[str, Configuration]:

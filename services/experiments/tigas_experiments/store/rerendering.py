@@ -12,8 +12,8 @@ from typing import Self
 
 from tigas_common.errors import StartError
 from tigas_common.render_requests import RenderClient, RenderUnavailable
-from tigas_experiments.records.samples import sampled_run
-from tigas_experiments.samples.rerender import locked, rerender, sampled_runs
+from tigas_experiments.records.samples import read_sampled_run
+from tigas_experiments.samples.rerender import lock_experiment, require_sampled_runs, rerender
 from tigas_experiments.store.errors import ExperimentInUse, NoSamples, storage_explained
 from tigas_experiments.store.experiments import Experiments
 from tigas_experiments.store.metrics import MonitoredLock
@@ -69,7 +69,7 @@ class Rerendering:
         """Start or continue a job. Raises UnknownExperiment, NoSamples and ExperimentInUse."""
         folder, _ = await asyncio.to_thread(self._experiments.find, experiment)
         try:
-            runs = await asyncio.to_thread(sampled_runs, folder)
+            runs = await asyncio.to_thread(require_sampled_runs, folder)
         except StartError:
             raise NoSamples("The experiment has no samples.") from None
         total, _ = await asyncio.to_thread(_progress, folder)
@@ -89,7 +89,7 @@ class Rerendering:
     def _begin(self, experiment: str, folder: Path, job: _Job, runs: list[Path]) -> None:
         with storage_explained(), ExitStack() as stack:
             try:
-                stack.enter_context(locked(folder))
+                stack.enter_context(lock_experiment(folder))
             except StartError:
                 raise ExperimentInUse(f"A command is using the experiment {experiment}.") from None
             lock = stack.pop_all()
@@ -133,7 +133,7 @@ async def _rerender_all(job: _Job, runs: list[Path], renderer: RenderClient) -> 
 def _progress(folder: Path) -> tuple[int, int]:
     """Number of samples, and number of complete ones."""
     try:
-        found = [sampled_run(run) for run in sampled_runs(folder)]
+        found = [read_sampled_run(run) for run in require_sampled_runs(folder)]
     except StartError:
         return 0, 0
     total = sum(len(one.samples) for one in found)

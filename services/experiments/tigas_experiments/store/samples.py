@@ -21,8 +21,8 @@ from tigas_experiments.records.samples import (
     MAX_PICTURE_BYTES,
     REPLAYED,
     TRUTH,
+    read_sampled_run,
     sample_path,
-    sampled_run,
     write_samples,
 )
 from tigas_experiments.run.parsing import MOST_PICTURES
@@ -51,7 +51,7 @@ MOST_FILES = 2 * MOST_SAMPLES
 
 def list_samples(run: Path) -> SampleList:
     """The samples in a run's folder, by display time."""
-    found = sampled_run(run)
+    found = read_sampled_run(run)
     rows = []
     for sample in sorted(found.samples, key=lambda sample: sample.at):
         known = found.known.get(sample.seq)
@@ -88,7 +88,7 @@ def picture(run: Path, name: str) -> tuple[bytes, str]:
 
 def count_samples(run: Path) -> SampleCounts | None:
     """Counts of a run's samples; None without samples."""
-    found = sampled_run(run)
+    found = read_sampled_run(run)
     if not found.samples:
         return None
     return SampleCounts(

@@ -13,7 +13,7 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from tigas_common.errors import StartError
-from tigas_experiments.lock import exclusive
+from tigas_experiments.lock import hold_lock
 
 NAME = ".store"
 LOCK = "lock"
@@ -34,7 +34,7 @@ class Workspace:
             try:
                 root.mkdir(parents=True, exist_ok=True)
                 busy = f"Another store keeps its results in {results}; choose another folder."
-                stack.enter_context(exclusive(root / LOCK, busy))
+                stack.enter_context(hold_lock(root / LOCK, busy))
             except OSError as error:
                 raise StartError(f"Results cannot be kept in {results}: {error.strerror or error}.") from None
             for left in root.iterdir():
