@@ -38,7 +38,7 @@ from benchmarks.services import Service, free_ports, megabytes_of, open_files_of
 from tigas_common.errors import StartError
 from tigas_common.processes import tigas_command
 from tigas_common.terminal import make_console
-from tigas_experiments.report.plot import add_legend, panel_grid, style, svg
+from tigas_experiments.report.plot import add_legend, panel_grid, plot_style, svg
 from tigas_experiments.run.browser import ARGUMENTS, find_chromium
 
 MODES = ("stateless", "video", "dash", "webrtc", "local", "side-by-side")
@@ -242,7 +242,7 @@ def report(samples: list[Sample], out: Path) -> bool:
         writer = csv.writer(file)
         writer.writerow(Sample._fields)
         writer.writerows(samples)
-    with style():
+    with plot_style():
         figure, panels = panel_grid(2)
         for name in dict.fromkeys(one.process for one in samples):
             mine = [one for one in samples if one.process == name]

@@ -14,7 +14,7 @@ from rich.table import Table
 
 from benchmarks.load.measure import Capacity, Comparison
 from benchmarks.load.step import Interval, Step
-from tigas_experiments.report.plot import INK, QUIET, panel_grid, plain_log, style, svg
+from tigas_experiments.report.plot import INK, QUIET, panel_grid, plain_log, plot_style, svg
 
 COLUMNS = (
     "viewers", "frames/s", "served", "p50, ms", "p95, ms", "Mbit/s", "kB", "server, cores", "MB", "files",
@@ -133,7 +133,7 @@ def draw(capacity: Capacity, frames_per_s: float, title: str, path: Path) -> Non
     if not steps:
         return
     viewers = [step.viewers for step in steps]
-    with style():
+    with plot_style():
         figure, (latency, frames) = panel_grid(2, width=4.9)
         for name, values, intervals, colour in (
             ("p95", [step.p95_ms for step in steps], [step.p95_interval for step in steps], "#b3452c"),

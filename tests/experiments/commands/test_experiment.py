@@ -20,7 +20,7 @@ from tests.experiments.run.test_plan import toml
 from tigas_experiments.quality.picture import CaptureQuality
 from tigas_experiments.records.folder import StoredRun
 from tigas_experiments.records.summary import summarise
-from tigas_experiments.report.run_table import load
+from tigas_experiments.report.run_table import load_results
 from tigas_experiments.wire.recording import Input, ShownFrame
 from tigas_experiments.wire.run import DASH
 
@@ -34,7 +34,7 @@ def run(url: str, file: Path, **fields: Any) -> subprocess.Popen[str]:
 
 def report(out: Path) -> list[dict[str, Any]]:
     """The runs, in the order in which they were made."""
-    return [summarise(run.folder).model_dump(mode="json") for run in load(out).made]
+    return [summarise(run.folder).model_dump(mode="json") for run in load_results(out).made]
 
 
 def told_by_the_page(run: StoredRun) -> float:

@@ -20,7 +20,7 @@ from tigas_experiments.quality.picture import CaptureQuality, Quality
 from tigas_experiments.records.folder import RunRecord, RunWriter
 from tigas_experiments.records.load import Load, LoadSample
 from tigas_experiments.report.groups import Groups
-from tigas_experiments.report.run_table import load
+from tigas_experiments.report.run_table import load_results
 from tigas_experiments.wire.recording import LinkSample, PlayedDownload, Recording, ShownFrame, Traffic
 from tigas_experiments.wire.run import Mode, Network
 
@@ -105,7 +105,7 @@ def groups(folder: Path, *runs: dict[str, Any]) -> Groups:
     """Write runs, named 00, 01, …, and group them."""
     for number, run in enumerate(runs):
         write_run(folder / "runs" / f"{number:02}", **run)
-    return Groups.of(load(folder).runs)
+    return Groups.from_runs(load_results(folder).runs)
 
 
 def change(run: Path, **fields: Any) -> Path:

@@ -14,7 +14,7 @@ from tests.experiments.report.synthetic_results import write_run
 from tests.experiments.report.test_report import run_report
 from tigas_common.errors import StartError
 from tigas_experiments.records.folder import ExperimentRecord, write_experiment
-from tigas_experiments.report.archive import PICTURES, Options, experiments, pack, read_options, unpack
+from tigas_experiments.report.archive import PICTURES, Options, find_experiments, pack, read_options, unpack
 
 EVALUATION = Path(__file__).with_name("evaluation.tar.xz")
 
@@ -68,7 +68,12 @@ def test_the_archive_of_several_experiments_gives_their_tables_and_figures_again
     listed = (folder / "SHA256SUMS").read_text()
     for name in ("best.md", "modes/runs.csv", "modes/overview.svg", "controllers/quality-heatmap.svg"):
         assert f"  {name}\n" in listed
-    pack(folder, tmp_path / "again.tar.xz", {each: read_options(each) for each in experiments(folder)}, pictures=False)
+    pack(
+        folder,
+        tmp_path / "again.tar.xz",
+        {each: read_options(each) for each in find_experiments(folder)},
+        pictures=False,
+    )
     assert (tmp_path / "again.tar.xz").read_bytes() == EVALUATION.read_bytes()
 
 

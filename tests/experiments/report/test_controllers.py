@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.experiments.made_up import configuration
-from tigas_experiments.report.controllers import Controller, in_order, looks, run_names
+from tigas_experiments.report.controllers import Controller, assign_looks, run_names, sort_controllers
 from tigas_experiments.wire.run import Configuration, Mode
 
 PAGES = ("#ffffff", "#181b21")
@@ -29,7 +29,7 @@ def test_a_controller_looks_the_same_in_every_report() -> None:
     def controller(
         mode: Mode = "stateless", profile: int | str = "seen", upscale: str = "off", **more: object
     ) -> Controller:
-        return Controller.of(
+        return Controller.from_configuration(
             Configuration.model_validate(
                 {
                     "scene": "s",
@@ -75,14 +75,14 @@ def test_a_controller_looks_the_same_in_every_report() -> None:
             "DASH tuned HTTP/3",
         ),
     ]
-    assert [each.title for each in in_order(some)] == titles
+    assert [each.title for each in sort_controllers(some)] == titles
     assert controller("video").name == "video-seen"
     one = {"rung": 2, "bitrate_kbps": 900}
     assert controller("dash-edge", dash_transport="h3", dash_representation=one).name == "dash-edge-h3-r2-900"
     assert controller(upscale="scene").name == "seen+scene"
     assert controller(reprojection=True, prediction="auto").name == "seen+reprojection+prediction-auto"
-    found = looks(some)
-    assert found[seen] == looks([seen])[seen]
+    found = assign_looks(some)
+    assert found[seen] == assign_looks([seen])[seen]
     assert len({(look.colour, look.dashes, look.marker) for look in found.values()}) == len(found)
 
 
@@ -95,7 +95,7 @@ def test_what_is_done_to_frames_is_told_apart_in_both_themes(seen_as: str) -> No
         replace(plain, enhancement="scene"),
         replace(plain, motion=("reprojection",), enhancement="scene"),
     ]
-    found = looks([*stages, Controller("stateless", 2), Controller("dash-tuned", None)])
+    found = assign_looks([*stages, Controller("stateless", 2), Controller("dash-tuned", None)])
     seen = [lab(SIGHTS[seen_as] @ linear(look.colour)) for look in found.values()]
     assert min(float(np.linalg.norm(a - b)) for a, b in combinations(seen, 2)) > 15, "CIELAB; 2 is just noticeable"
     assert len({found[stage].dashes for stage in stages}) == len(stages)
@@ -107,8 +107,8 @@ def test_what_is_done_to_frames_is_told_apart_in_both_themes(seen_as: str) -> No
 def test_what_is_done_to_all_frames_sets_nothing_apart() -> None:
     plain = [Controller("stateless", "latency"), Controller("stateless", "seen"), Controller("stateless", 2)]
     turned = [replace(one, motion=("reprojection",)) for one in plain]
-    assert list(looks(turned).values()) == list(looks(plain).values())
-    both = looks([*plain, *turned])
+    assert list(assign_looks(turned).values()) == list(assign_looks(plain).values())
+    both = assign_looks([*plain, *turned])
     assert len({(look.colour, look.dashes) for look in both.values()}) == len(both)
     assert len({(look.colour, look.marker) for look in both.values()}) == len(both)
 

@@ -15,10 +15,10 @@ from tests.experiments.samples.renderers import FakeRenderer, picture, sampled_r
 from tigas_experiments.quality.picture import Picture
 from tigas_experiments.records.samples import JPEG, RERENDERED, TRUTH, sample_path, write_sample_file, write_samples
 from tigas_experiments.records.scores import Score, write_scores
-from tigas_experiments.report.gallery import MOST, GallerySample, gallery
+from tigas_experiments.report.gallery import MAX_SAMPLES, GallerySample, gallery
 from tigas_experiments.report.report import write_report
-from tigas_experiments.report.run_table import load
-from tigas_experiments.report.warnings import warnings
+from tigas_experiments.report.run_table import load_results
+from tigas_experiments.report.warnings import collect_warnings
 from tigas_experiments.samples.rerender import rerender
 
 pytestmark = pytest.mark.anyio
@@ -33,7 +33,7 @@ async def made(folder: Path, runs: int = 1, samples: int = 4, shade: int = 0) ->
 
 
 def shown(folder: Path) -> list[GallerySample]:
-    return gallery(load(folder).runs)
+    return gallery(load_results(folder).runs)
 
 
 def decoded(url: str) -> Picture:
@@ -79,10 +79,10 @@ async def test_scores_stand_below_their_pictures(tmp_path: Path) -> None:
 
 
 async def test_there_are_a_few_from_many_runs(tmp_path: Path) -> None:
-    await made(tmp_path, runs=MOST + 3, samples=5)
+    await made(tmp_path, runs=MAX_SAMPLES + 3, samples=5)
     found = shown(tmp_path)
-    assert len(found) == MOST
-    assert len({one.title.split(",")[0] for one in found}) == MOST
+    assert len(found) == MAX_SAMPLES
+    assert len({one.title.split(",")[0] for one in found}) == MAX_SAMPLES
     (tmp_path / "few").mkdir()
     await made(tmp_path / "few", runs=2, samples=5)
     assert [one.title for one in shown(tmp_path / "few")] == ["00, 1", "01, 1", "00, 3", "01, 3", "00, 5", "01, 5"]
@@ -112,7 +112,7 @@ async def test_what_is_missing_is_said_and_samples_are_not_needed(tmp_path: Path
     run = tmp_path / "runs" / "00"
     (run / RERENDERED).unlink()
     missing = "3 of 3 samples have not been rendered again yet: run `tigas experiment rerender DIR`."
-    assert (missing in warnings(load(tmp_path)), shown(tmp_path)) == (True, [])
+    assert (missing in collect_warnings(load_results(tmp_path)), shown(tmp_path)) == (True, [])
     write_samples(run, [])
-    assert not any("sample" in warning for warning in warnings(load(tmp_path)))
+    assert not any("sample" in warning for warning in collect_warnings(load_results(tmp_path)))
     assert "<h2>Samples</h2>" not in write_report(tmp_path, tmp_path).page.read_text()

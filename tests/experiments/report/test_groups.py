@@ -14,11 +14,11 @@ from tigas_common.errors import StartError
 from tigas_experiments.records.folder import ExperimentRecord
 from tigas_experiments.records.statistics import IN_TIME
 from tigas_experiments.report.estimates import Estimate
-from tigas_experiments.report.groups import Groups, choose_baseline, runs_behind
+from tigas_experiments.report.groups import Groups, choose_baseline, describe_run_counts
 from tigas_experiments.report.metrics import METRICS
-from tigas_experiments.report.run_table import Block, load
+from tigas_experiments.report.run_table import Block, load_results
 from tigas_experiments.report.tables import overall_markdown
-from tigas_experiments.report.warnings import warnings
+from tigas_experiments.report.warnings import collect_warnings
 from tigas_experiments.wire.run import Network
 
 AGE, RESPONSE = METRICS["frame_age_mean_ms"], METRICS["response_time_p50_ms"]
@@ -35,7 +35,9 @@ def known(estimate: Estimate | None) -> Estimate:
 
 def block(**changes: Any) -> Block:
     """The block of a run over a bus."""
-    return Block.of(configuration(**{"network": Network(trace="bus", rtt_ms=20, offset_s=60), **changes}))
+    return Block.from_configuration(
+        configuration(**{"network": Network(trace="bus", rtt_ms=20, offset_s=60), **changes})
+    )
 
 
 def test_repeats_controllers_and_round_trips_share_a_block_and_other_inputs_do_not() -> None:
@@ -111,12 +113,14 @@ def test_groups_of_one_network_have_the_same_blocks(tmp_path: Path) -> None:
         "Tables and figures leave out 4 of 12 runs, because not all controllers have runs of their blocks: "
         "Seen lacks 4."
     )
-    assert left_out in warnings(load(tmp_path))
+    assert left_out in collect_warnings(load_results(tmp_path))
 
 
 def test_controllers_without_a_common_block_are_shown_with_a_warning(tmp_path: Path) -> None:
     assert len(groups(tmp_path, run("latency", "bus", "a", 40), run("seen", "bus", "b", 40))) == 2
-    (warning,) = (each for each in warnings(load(tmp_path)) if "no block has runs of all controllers" in each)
+    (warning,) = (
+        each for each in collect_warnings(load_results(tmp_path)) if "no block has runs of all controllers" in each
+    )
     assert warning.endswith("(Latency lacks 1, Seen lacks 1).")
 
 
@@ -175,16 +179,16 @@ def test_the_baseline_is_the_first_of_the_file_unless_another_is_chosen(tmp_path
     assert chosen({"modes": "odd"}) == "latency"
     with pytest.raises(StartError, match="no runs of the controller 'bola', only of latency, lol\\+\\+scene"):
         chosen(file, "bola")
-    assert choose_baseline(Groups.of([]), None, None) is None
+    assert choose_baseline(Groups.from_runs([]), None, None) is None
 
 
 def test_a_caption_says_how_many_runs_a_mean_is_of(tmp_path: Path) -> None:
     one, two = groups(tmp_path, {}, {"controller": "seen"}, {"controller": "seen", "repeat": 1})
 
-    assert [runs_behind([one]), runs_behind([one, one]), runs_behind([two])] == [
+    assert [describe_run_counts([one]), describe_run_counts([one, one]), describe_run_counts([two])] == [
         "One run.",
         "One run each.",
         "Means over 2 runs, with their range.",
     ]
     found = groups(tmp_path / "other", {}, {"movement": "orbit"}, {"movement": "orbit", "repeat": 1})
-    assert runs_behind([*found, one]) == "Means over 1 to 3 runs (2 movements), with their range."
+    assert describe_run_counts([*found, one]) == "Means over 1 to 3 runs (2 movements), with their range."

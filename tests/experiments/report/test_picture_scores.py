@@ -11,11 +11,11 @@ from tests.experiments.report.synthetic_results import text_of, write_run
 from tigas_experiments.quality.metrics import DISTS, LPIPS, PSNR
 from tigas_experiments.records.scores import Score, write_scores
 from tigas_experiments.report.groups import Groups
-from tigas_experiments.report.picture_scores import rows
+from tigas_experiments.report.picture_scores import score_rows
 from tigas_experiments.report.plot import Plot
 from tigas_experiments.report.quality_figures import enhancement_heat_map, quality_heat_map
 from tigas_experiments.report.report import write_report
-from tigas_experiments.report.run_table import load
+from tigas_experiments.report.run_table import load_results
 
 
 def scores(psnr: float, gain: float, lpips: float = 0.3) -> list[Score]:
@@ -40,7 +40,7 @@ def experiment(tmp_path: Path) -> Path:
 
 def test_means_deviations_and_differences() -> None:
     first, second = scores(30, 2), scores(40, 4)
-    original, enhanced, difference = rows([(None, first), (None, second)])
+    original, enhanced, difference = score_rows([(None, first), (None, second)])
     assert [row.kind for row in (original, enhanced, difference)] == ["original", "enhanced", "difference"]
     assert (original.model, enhanced.model, difference.model) == (None, "scene", "scene")
     assert original.runs == enhanced.runs == difference.runs == 2
@@ -62,7 +62,7 @@ def test_a_difference_is_of_the_same_sample() -> None:
         Score(seq=2, picture="enhanced", digest="a", psnr=41, model="a"),
         Score(seq=3, picture="enhanced", digest="a", psnr=90, model="b"),
     ]
-    found = rows([(None, scored)])
+    found = score_rows([(None, scored)])
     assert [(row.kind, row.model, row.values["psnr"]) for row in found] == [
         ("original", None, [20, 40]),
         ("enhanced", "a", [41]),
@@ -72,7 +72,7 @@ def test_a_difference_is_of_the_same_sample() -> None:
 
 
 def heat_maps(experiment: Path) -> tuple[Plot | None, Plot | None]:
-    groups = Groups.of(load(experiment).runs)
+    groups = Groups.from_runs(load_results(experiment).runs)
     return quality_heat_map(groups), enhancement_heat_map(groups)
 
 

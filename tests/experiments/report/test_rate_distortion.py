@@ -12,7 +12,7 @@ from tigas_experiments.report.groups import Groups
 from tigas_experiments.report.metrics import METRICS
 from tigas_experiments.report.rate_distortion import EqualRate, by_condition, over_all
 from tigas_experiments.report.report import write_report
-from tigas_experiments.report.run_table import load
+from tigas_experiments.report.run_table import load_results
 
 SSIM = METRICS["seen_ssim"]
 LADDER: list[dict[str, Any]] = [
@@ -125,7 +125,7 @@ def test_the_values_are_in_csv_files_and_the_page(tmp_path: Path) -> None:
 
 def test_runs_without_pictures_have_no_curve(tmp_path: Path) -> None:
     (write_run(tmp_path / "runs" / "a") / "quality.ndjson").write_text("")
-    assert by_condition(Groups.of(load(tmp_path).runs)) == []
+    assert by_condition(Groups.from_runs(load_results(tmp_path).runs)) == []
 
 
 def test_rates_that_print_alike_are_one(tmp_path: Path) -> None:

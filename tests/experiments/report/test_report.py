@@ -15,7 +15,7 @@ from tigas_experiments.records.folder import ExperimentRecord, write_experiment
 from tigas_experiments.report import figures, report
 from tigas_experiments.report.cli import MAX_COLUMNS, MOST_NETWORKS
 from tigas_experiments.report.report import MOST_RUNS, write_report
-from tigas_experiments.report.run_table import load
+from tigas_experiments.report.run_table import load_results
 from tigas_experiments.wire.run import Network
 
 COMMAND = "tigas experiment run '4g-<bus>.toml'"
@@ -191,7 +191,7 @@ def test_names_are_text_and_nothing_else(tmp_path: Path) -> None:
     written = {path.name for path in tmp_path.iterdir() if path.name != "experiment.json"}
     assert all(re.fullmatch(r"[A-Za-z0-9._-]+", name) for name in written)
     (tmp_path / "experiment.json").write_text("{")
-    assert load(tmp_path).title == tmp_path.name
+    assert load_results(tmp_path).title == tmp_path.name
 
 
 @pytest.mark.usefixtures("no_figures")

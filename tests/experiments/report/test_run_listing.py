@@ -11,8 +11,8 @@ import pytest
 from rich.console import Console
 
 from tests.experiments.made_up import write_run
-from tigas_experiments.report.run_listing import by_network, in_terminal, label, markdown, titles
-from tigas_experiments.report.run_table import Run, load
+from tigas_experiments.report.run_listing import by_network, markdown, run_label, terminal_tables, titles
+from tigas_experiments.report.run_table import Run, load_results
 from tigas_experiments.wire.run import DASH, Network
 
 
@@ -20,14 +20,14 @@ def listed(folder: Path, *runs: dict[str, Any]) -> list[Run]:
     """Runs over one network, in the order of their listing."""
     for number, run in enumerate(runs):
         write_run(folder / "runs" / f"{number}", **run)
-    (found,) = by_network(load(folder).made).values()
+    (found,) = by_network(load_results(folder).made).values()
     return found
 
 
 def printed(runs: Sequence[Run], width: int) -> list[str]:
     """Lines of a terminal of this width, without the space at their ends."""
     screen = io.StringIO()
-    for table in in_terminal("20mbit", runs, width):
+    for table in terminal_tables("20mbit", runs, width):
         Console(file=screen, width=width).print(table)
     return [line.rstrip() for line in screen.getvalue().splitlines()]
 
@@ -37,7 +37,7 @@ def test_a_markdown_table_has_a_row_for_each_run(tmp_path: Path) -> None:
     write_run(tmp_path / "runs" / "2", "dash-tuned", 140)
     write_run(tmp_path / "runs" / "3", network=Network(trace="a|b"))
     (write_run(tmp_path / "runs" / "4") / "inputs.ndjson").unlink()
-    lines = markdown(load(tmp_path).made).splitlines()
+    lines = markdown(load_results(tmp_path).made).splitlines()
     assert len(lines) == 2 + 4
     assert lines[2].startswith("| 20mbit,20ms-rtt | Stateless, seen | 40 | 40 | 40 | 100.0 | ")
     assert sum("| no result: runs/4/inputs.ndjson cannot be read" in line for line in lines) == 1
@@ -46,7 +46,7 @@ def test_a_markdown_table_has_a_row_for_each_run(tmp_path: Path) -> None:
 
 def test_a_run_is_called_by_its_mode_controller_and_repeat(tmp_path: Path) -> None:
     runs = listed(tmp_path, {}, {"profile": 2, "repeat": 1}, {"mode": "dash-typical"})
-    assert list(map(label, runs)) == ["Stateless, seen", "Stateless, rung 2 (2)", "DASH, typical"]
+    assert list(map(run_label, runs)) == ["Stateless, seen", "Stateless, rung 2 (2)", "DASH, typical"]
 
 
 def test_runs_stand_in_the_order_in_which_they_were_made(tmp_path: Path) -> None:
@@ -54,7 +54,7 @@ def test_runs_stand_in_the_order_in_which_they_were_made(tmp_path: Path) -> None
         path = write_run(tmp_path / "runs" / f"{number}") / "run.json"
         path.write_text(path.read_text().replace("T00:00:00", f"T00:00:0{started}"))
     (tmp_path / "runs" / "1" / "inputs.ndjson").unlink()
-    made = load(tmp_path).made
+    made = load_results(tmp_path).made
     assert [(run.name, run.problem is None) for run in made] == [("2", True), ("1", False), ("0", True)]
 
 
@@ -103,5 +103,5 @@ def test_four_modes_stand_side_by_side_in_80_columns(tmp_path: Path) -> None:
 
 def test_runs_without_figures_need_no_table(tmp_path: Path) -> None:
     (write_run(tmp_path / "runs" / "0") / "inputs.ndjson").unlink()
-    (runs,) = by_network(load(tmp_path).made).values()
+    (runs,) = by_network(load_results(tmp_path).made).values()
     assert printed(runs, 80) == []

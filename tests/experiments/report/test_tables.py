@@ -11,14 +11,14 @@ import pytest
 
 from tests.experiments.report.synthetic_results import SCENE_BYTES, change, rows, write_run
 from tigas_experiments.report.groups import Groups
-from tigas_experiments.report.run_table import load
-from tigas_experiments.report.tables import best, write_csv
+from tigas_experiments.report.run_table import load_results
+from tigas_experiments.report.tables import best_rows, write_csv
 
 
 def written(folder: Path) -> Path:
     """The folder, with CSV files on its runs against the first controller."""
-    results = load(folder)
-    groups = Groups.of(results.runs)
+    results = load_results(folder)
+    groups = Groups.from_runs(results.runs)
     write_csv(results, groups, groups.against(next(iter(groups.looks))), [], folder)
     return folder
 
@@ -154,7 +154,7 @@ def test_the_best_picture_is_named_with_those_that_may_be_as_good(tmp_path: Path
                 folder = tmp_path / "runs" / f"{controller}-{window}-{rtt_ms:g}"
                 lower = 0.3 if rtt_ms == 100 and controller == "seen" else hard
                 write_run(folder, controller, "bus", rtt_ms, offset_s=8.0 * window, view_ssim=ssim - lower)
-    near, far = best(Groups.of(load(tmp_path).runs), "study")
+    near, far = best_rows(Groups.from_runs(load_results(tmp_path).runs), "study")
     assert near[:4] == ["study", "20", "L2A", "0.885"]
     assert near[5].startswith("Seen (-0.005 [-0.0")
     assert "Latency" not in near[5], "worse in every window"
@@ -163,8 +163,8 @@ def test_the_best_picture_is_named_with_those_that_may_be_as_good(tmp_path: Path
 
 def test_with_few_windows_nobody_is_as_good_or_worse(tmp_path: Path) -> None:
     write_run(tmp_path / "runs" / "a", "seen", view_ssim=0.9)
-    assert best(Groups.of(load(tmp_path).runs), "study") == []
+    assert best_rows(Groups.from_runs(load_results(tmp_path).runs), "study") == []
     write_run(tmp_path / "runs" / "b", "l2a", view_ssim=0.8)
-    assert best(Groups.of(load(tmp_path).runs), "study") == [
+    assert best_rows(Groups.from_runs(load_results(tmp_path).runs), "study") == [
         ["study", "20", "Seen", "0.900", "8.0", "unknown: fewer than 12 network windows"]
     ]

@@ -12,14 +12,14 @@ from tests.experiments.report.synthetic_results import groups, write_run
 from tigas_experiments.report.figures import latency_parts, over_rtt, overview, profiles
 from tigas_experiments.report.groups import Groups
 from tigas_experiments.report.metrics import METRICS
-from tigas_experiments.report.plot import panel_grid, style
-from tigas_experiments.report.run_table import load
+from tigas_experiments.report.plot import panel_grid, plot_style
+from tigas_experiments.report.run_table import load_results
 from tigas_experiments.report.time_figures import (
     BINS,
     bandwidth,
-    binned,
+    bin_medians,
     distribution,
-    downloaded,
+    downloadable_megabytes,
     draw_boxes,
     heights_over_time,
     latencies,
@@ -27,7 +27,7 @@ from tigas_experiments.report.time_figures import (
 
 
 def test_a_plot_takes_the_page_s_colours_and_is_well_formed(tmp_path: Path) -> None:
-    with style():
+    with plot_style():
         plot = latencies(groups(tmp_path, {"network": "a & <b>"}), "a & <b>")
     assert plot is not None
     ElementTree.fromstring(plot.svg)
@@ -40,7 +40,7 @@ def test_an_unshaped_network_has_no_link_to_download_over(tmp_path: Path) -> Non
     path = write_run(tmp_path / "runs" / "a", "seen", "unshaped", None, mode="dash-tuned")
     for name in ("link", "quality"):
         (path / f"{name}.ndjson").write_text("")
-    plot = bandwidth(Groups.of(load(tmp_path).runs), "unshaped")
+    plot = bandwidth(Groups.from_runs(load_results(tmp_path).runs), "unshaped")
     assert plot is not None
     assert "DASH tuned" in plot.svg
     assert "Full link rate" not in plot.svg
@@ -84,16 +84,16 @@ def test_distributions_count_what_never_came() -> None:
 
 def test_a_download_takes_what_the_link_carries() -> None:
     link = np.array([[0.5, 8.0], [1.0, 16.0], [1.5, 0.0]])
-    assert downloaded(link).tolist() == [0.5, 1.5, 1.5]
+    assert downloadable_megabytes(link).tolist() == [0.5, 1.5, 1.5]
 
 
 def test_long_series_are_drawn_by_their_medians() -> None:
     times = np.arange(10_000) / 100
     values = np.where(np.arange(10_000) % 10 == 0, 900.0, 40.0)
-    binned_times, medians = binned(times, values)
+    binned_times, medians = bin_medians(times, values)
     assert len(binned_times) <= BINS
     assert set(medians.tolist()) == {40.0}
-    assert binned(times[:5], values[:5])[1].tolist() == [900, 40, 40, 40, 40]
+    assert bin_medians(times[:5], values[:5])[1].tolist() == [900, 40, 40, 40, 40]
 
 
 def test_round_trips_are_compared_if_there_are_several(tmp_path: Path) -> None:

@@ -7,8 +7,8 @@ from pathlib import Path
 from tests.experiments.report.synthetic_results import change, write_run
 from tigas_experiments.records.folder import ExperimentRecord, RunWriter, StoredRun, write_experiment
 from tigas_experiments.records.scores import SCORES, Score, write_scores
-from tigas_experiments.report.run_table import load
-from tigas_experiments.report.warnings import FEW, warnings
+from tigas_experiments.report.run_table import load_results
+from tigas_experiments.report.warnings import MAX_LISTED, collect_warnings
 from tigas_experiments.wire.recording import ShownFrame
 
 RUN = "bus,20ms-rtt, Stateless, latency"
@@ -16,7 +16,7 @@ RUN = "bus,20ms-rtt, Stateless, latency"
 
 def warned(folder: Path) -> list[str]:
     """The warnings about the runs of a folder."""
-    return warnings(load(folder))
+    return collect_warnings(load_results(folder))
 
 
 def repeats(folder: Path, count: int) -> list[Path]:
@@ -59,7 +59,7 @@ def test_broken_scores_cost_a_run_its_scores_alone(tmp_path: Path) -> None:
     run = write_run(tmp_path / "runs" / "a")
     write_scores(run, [Score(seq=1, picture="original", digest="a", psnr=30.0)])
     (scores := run / SCORES).write_text(scores.read_text() + "half a li")
-    (found,) = load(tmp_path).runs
+    (found,) = load_results(tmp_path).runs
     assert len(found.series["latency"]) > 0
     assert found.scores == []
     sentence = "a: picture scores are missing. runs/a/scores.ndjson, line 2: "
@@ -108,14 +108,14 @@ def test_warnings_of_one_kind_are_one_with_the_runs_that_it_is_of(tmp_path: Path
 
 
 def test_many_runs_are_counted_and_not_named(tmp_path: Path) -> None:
-    for run in repeats(tmp_path, FEW + 2)[1:]:
+    for run in repeats(tmp_path, MAX_LISTED + 2)[1:]:
         change(run, load={"saturated_share": 1.0})
     assert warned(tmp_path)[0].startswith(
-        f"{FEW + 1} of {FEW + 2} runs: processors or the render service were saturated"
+        f"{MAX_LISTED + 1} of {MAX_LISTED + 2} runs: processors or the render service were saturated"
     )
 
 
 def test_runs_that_failed_for_one_reason_are_one_warning(tmp_path: Path) -> None:
-    for run in repeats(tmp_path, FEW + 2):
+    for run in repeats(tmp_path, MAX_LISTED + 2):
         change(run, status="failed", problem="The shaper fell silent.")
-    assert warned(tmp_path) == [f"Each of the {FEW + 2} runs: no result. The shaper fell silent."]
+    assert warned(tmp_path) == [f"Each of the {MAX_LISTED + 2} runs: no result. The shaper fell silent."]

@@ -42,18 +42,18 @@ def test_the_store_needs_neither_a_browser_nor_torch() -> None:
 
 
 def test_a_second_store_of_the_same_results_is_refused(tmp_path: Path) -> None:
-    with Workspace.opened(tmp_path):
-        with pytest.raises(StartError, match="Another store keeps its results"), Workspace.opened(tmp_path):
+    with Workspace.open(tmp_path):
+        with pytest.raises(StartError, match="Another store keeps its results"), Workspace.open(tmp_path):
             pass
         with pytest.raises(AssertionError, match="Another store keeps its results"), Store("--results", str(tmp_path)):
             pass
-    with Workspace.opened(tmp_path):
+    with Workspace.open(tmp_path):
         pass
 
 
 def test_a_results_path_that_is_no_folder_is_a_sentence(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(StartError, match="Results cannot be kept in"), Workspace.opened(tmp_path / "file"):
+    with pytest.raises(StartError, match="Results cannot be kept in"), Workspace.open(tmp_path / "file"):
         pass
 
 

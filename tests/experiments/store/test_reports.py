@@ -14,7 +14,7 @@ import pytest
 from tests.experiments.made_up import write_run
 from tests.experiments.store.conftest import Running, by_command
 from tigas_experiments.store import reports
-from tigas_experiments.store.experiments import made_runs
+from tigas_experiments.store.experiments import list_runs
 from tigas_experiments.store.reports import archive
 
 pytestmark = pytest.mark.anyio
@@ -45,7 +45,7 @@ async def test_an_experiment_that_is_removed_while_its_report_is_drawn_stays_rem
         folder.rename(store.results.parent / "removed")
         (out / "report.html").write_text("")
 
-    monkeypatch.setattr(reports, "draw", write)
+    monkeypatch.setattr(reports, "write_report_files", write)
     answer = await store.http.get("/experiments/one/report")
     assert (answer.status_code, answer.json()["type"]) == (404, "tigas:unknown-experiment")
     assert store.kept() == []
@@ -57,10 +57,10 @@ async def test_it_is_made_when_runs_come_or_go_and_not_otherwise(
     made: list[int] = []
 
     def write(folder: Path, out: Path) -> None:
-        made.append(len(made_runs(folder)))
+        made.append(len(list_runs(folder)))
         (out / "report.html").write_text(f"{made[-1]} runs")
 
-    monkeypatch.setattr(reports, "draw", write)
+    monkeypatch.setattr(reports, "write_report_files", write)
     folder = by_command(store.results / "one", 1)
     answers = await asyncio.gather(*(store.http.get("/experiments/one/report") for _ in range(5)))
     assert ({answer.text for answer in answers}, made) == ({"1 runs"}, [1])

@@ -16,7 +16,7 @@ from tests.experiments.samples.renderers import FakeRenderer, patient_client, pi
 from tests.experiments.store.conftest import NOBODY, PATIENCE_S, Running, by_command, running_store
 from tigas_common.render_requests import RenderClient
 from tigas_experiments.records.samples import JPEG, TRUTH, sample_path, write_sample_file
-from tigas_experiments.store.experiments import version
+from tigas_experiments.store.experiments import run_version
 
 pytestmark = pytest.mark.anyio
 ASK = "/experiments/mine/materialise"
@@ -60,14 +60,14 @@ async def test_samples_are_rendered_again_when_somebody_asks(store: Running, run
     (summary,) = (await store.http.get("/experiments")).json()["experiments"]
     assert (summary["runs"], summary["sampled"]) == (2, 1)
     assert (await store.http.get(ASK)).json() == {"state": "idle", "done": 0, "total": 2, "problem": None}
-    before = version(run)
+    before = run_version(run)
     begun = await store.http.post(ASK)
     assert (begun.status_code, begun.json()["state"], begun.json()["total"]) == (202, "running", 2)
     assert await ended(store) == {"state": "idle", "done": 2, "total": 2, "problem": None}
     old, sampled = (await store.http.get("/experiments/mine")).json()["runs"]
     assert old["samples"] is None
     assert sampled["samples"] == {"samples": 2, "identical": 2, "different": 0, "missing": 0}
-    assert version(run) != before, "a report is made anew"
+    assert run_version(run) != before, "a report is made anew"
 
 
 async def test_samples_are_listed_by_time_with_their_pictures(

@@ -60,7 +60,7 @@ class Ladder(RenderCommand):
         from tigas_common.render_requests import RenderClient
         from tigas_experiments.quality.picture import BrokenPicture
         from tigas_experiments.report.ladder import Step, sample_views, write_ladder
-        from tigas_experiments.report.ladder import ladder as steps
+        from tigas_experiments.report.ladder import render_ladder as steps
 
         async def asked(url: str) -> list[Step]:
             async with RenderClient.connect(url) as renderer:
@@ -113,7 +113,7 @@ def _score(folder: Path, asked: list[PictureMetric], *, again: bool) -> tuple[li
     from tigas_experiments.lock import LOCK_NAME, hold_lock
     from tigas_experiments.quality.metrics import Meters
     from tigas_experiments.records.files import BrokenRecording
-    from tigas_experiments.report.picture_scores import rows
+    from tigas_experiments.report.picture_scores import score_rows
     from tigas_experiments.report.run_table import Condition
     from tigas_experiments.scoring import Scoring
 
@@ -151,11 +151,11 @@ def _score(folder: Path, asked: list[PictureMetric], *, again: bool) -> tuple[li
             if len(runs) > 1 and record is not None and record.status != "complete":
                 left_out += 1
             else:
-                scored.append((None if record is None else Condition.of(record), scores))
+                scored.append((None if record is None else Condition.from_record(record), scores))
     if left_out:
         count = "One run is" if left_out == 1 else f"{left_out} runs are"
         sentences.append(f"{count} not complete, and not in the table.")
-    return rows(scored), sentences
+    return score_rows(scored), sentences
 
 
 def _render_truth(folder: Path, render: str) -> Iterator[str]:

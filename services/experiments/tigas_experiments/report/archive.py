@@ -52,25 +52,25 @@ def read_options(folder: Path) -> Options:
         raise StartError(f"{folder / OPTIONS} cannot be read: {' '.join(str(error).split())[:200]}") from None
 
 
-def experiments(folder: Path) -> list[Path]:
+def find_experiments(folder: Path) -> list[Path]:
     """The folder itself if it is an experiment's, or else the experiments in it, sorted by name."""
     if (folder / RUNS).is_dir() or not folder.is_dir():
         return [folder]
     return [path for path in sorted(folder.iterdir()) if (path / RUNS).is_dir()] or [folder]
 
 
-def digests(folder: Path) -> dict[str, str]:
+def compute_digests(folder: Path) -> dict[str, str]:
     """SHA-256 of the tables and figures in a folder and in its experiments, by path."""
-    folders = {folder, *experiments(folder)}
+    folders = {folder, *find_experiments(folder)}
     found = sorted(path for each in folders for kind in (*TABLE_FILES, *FIGURE_FILES) for path in each.glob(kind))
     return {str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest() for path in found}
 
 
-def changed(folder: Path) -> list[str]:
+def find_changed(folder: Path) -> list[str]:
     """The tables and figures in the folder of an unpacked archive that differ from the archived ones."""
     lines = (folder / DIGESTS).read_text(encoding="utf-8").splitlines()
     archived = {path: digest for digest, _, path in (line.partition("  ") for line in lines)}
-    return sorted({path for path, _ in archived.items() ^ digests(folder).items()})
+    return sorted({path for path, _ in archived.items() ^ compute_digests(folder).items()})
 
 
 def pack(folder: Path, archive: Path, options: Mapping[Path, Options], *, pictures: bool = True) -> None:
@@ -91,10 +91,12 @@ def pack(folder: Path, archive: Path, options: Mapping[Path, Options], *, pictur
 
     try:
         with tarfile.open(unfinished, "w:xz", format=tarfile.GNU_FORMAT) as tar:
-            for each in experiments(folder):
+            for each in find_experiments(folder):
                 add_text(each / OPTIONS, options[each].model_dump_json(indent=2) + "\n")
-            add_text(folder / DIGESTS, "".join(f"{digest}  {path}\n" for path, digest in digests(folder).items()))
-            for path in _raw(folder, pictures=pictures):
+            add_text(
+                folder / DIGESTS, "".join(f"{digest}  {path}\n" for path, digest in compute_digests(folder).items())
+            )
+            for path in _raw_files(folder, pictures=pictures):
                 with path.open("rb") as file:
                     add(path, file, path.stat().st_size)
         unfinished.replace(archive)
@@ -102,8 +104,8 @@ def pack(folder: Path, archive: Path, options: Mapping[Path, Options], *, pictur
         unfinished.unlink(missing_ok=True)
 
 
-def _raw(folder: Path, *, pictures: bool) -> Iterator[Path]:
-    for each in experiments(folder):
+def _raw_files(folder: Path, *, pictures: bool) -> Iterator[Path]:
+    for each in find_experiments(folder):
         files = (each / "experiment.json", each / LADDER, each / "ladder.csv")
         runs = (path for run in run_folders(each) for path in sorted(run.rglob("*")))
         for path in (*files, *runs):
@@ -123,32 +125,32 @@ def unpack(archive: Path) -> Path:
     with TemporaryDirectory(dir=archive.parent, prefix=".unpack-") as scratch:
         try:
             with tarfile.open(archive, "r:xz") as tar:
-                name = _one_folder(archive, tar)
+                name = _archive_folder(archive, tar)
                 folder = archive.parent / name
                 if folder.exists():
                     raise StartError(f"{folder} already exists, so {archive} was not unpacked.")
                 tar.extractall(scratch, filter="data")
         except (tarfile.TarError, lzma.LZMAError, EOFError, ValueError, OverflowError, KeyError) as error:
-            raise _no_archive(archive, quotable(str(error), 200)) from None
+            raise _archive_error(archive, quotable(str(error), 200)) from None
         Path(scratch, name).rename(folder)
     return folder
 
 
-def _one_folder(archive: Path, tar: tarfile.TarFile) -> str:
+def _archive_folder(archive: Path, tar: tarfile.TarFile) -> str:
     """Name of the single folder in an archive. Raises StartError unless `pack` could have written the archive."""
     names, room = set(), MOST_TIMES * archive.stat().st_size
     for entry in tar:
         parts = PurePosixPath(entry.name).parts
         if not entry.isreg() or len(parts) < 2 or parts[0] == "/" or ".." in parts:
-            raise _no_archive(archive, f"it holds {quotable(entry.name, 60)!r}, which is not a file in a folder")
+            raise _archive_error(archive, f"it holds {quotable(entry.name, 60)!r}, which is not a file in a folder")
         names.add(parts[0])
         room -= entry.size
         if room < 0:
             raise StartError(f"{archive} would unpack to more than {MOST_TIMES:,} times its size.")
     if len(names) != 1:
-        raise _no_archive(archive, "it does not hold one folder")
+        raise _archive_error(archive, "it does not hold one folder")
     return names.pop()
 
 
-def _no_archive(archive: Path, why: str) -> StartError:
+def _archive_error(archive: Path, why: str) -> StartError:
     return StartError(f"{archive} is not an archive of `tigas report --archive`: {why.rstrip('.')}.")

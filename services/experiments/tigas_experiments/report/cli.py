@@ -32,7 +32,15 @@ class Report(Command):
     """Leave captures and samples out of the archive; tables and figures do not need them."""
 
     def run(self) -> None:
-        from tigas_experiments.report.archive import DIGESTS, Options, changed, experiments, pack, read_options, unpack
+        from tigas_experiments.report.archive import (
+            DIGESTS,
+            Options,
+            find_changed,
+            find_experiments,
+            pack,
+            read_options,
+            unpack,
+        )
         from tigas_experiments.report.report import BEST_FILE, write_report
         from tigas_experiments.report.tables import best_markdown
 
@@ -42,7 +50,7 @@ class Report(Command):
         made = {}
         with progress_bar() as show:
             folder = unpack(self.folder) if self.folder.is_file() else self.folder
-            for each in experiments(folder):
+            for each in find_experiments(folder):
                 baseline = self.baseline or read_options(each).baseline
                 made[each] = write_report(each, each, on_progress, baseline=baseline)
             if folder not in made:
@@ -58,7 +66,7 @@ class Report(Command):
                 digest = hashlib.file_digest(file, "sha256").hexdigest()
             print(printable(f"The archive: {self.archive}, SHA-256 {digest}"))
         if self.folder.is_file() and self.baseline is None and (folder / DIGESTS).is_file():
-            if differ := changed(folder):
+            if differ := find_changed(folder):
                 raise StartError(
                     f"{len(differ)} tables and figures differ from the archived ones, such as {differ[0]}: another "
                     "version of TIGAS or its libraries made them."
@@ -67,7 +75,7 @@ class Report(Command):
 
 
 def _print(made: Written) -> None:
-    from tigas_experiments.report.run_listing import by_network, in_terminal
+    from tigas_experiments.report.run_listing import by_network, terminal_tables
 
     console = make_console()
     networks = list(by_network(made.results.made).items())
@@ -75,7 +83,7 @@ def _print(made: Written) -> None:
         if len(runs) > MAX_COLUMNS:
             console.print(f"{network}: {len(runs)} runs, a row each in table.md.")
             continue
-        for table in in_terminal(network, runs, console.width):
+        for table in terminal_tables(network, runs, console.width):
             console.print(table)
             console.print()
     if more := networks[MOST_NETWORKS:]:

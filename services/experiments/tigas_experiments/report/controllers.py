@@ -24,7 +24,7 @@ MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class LineLook:
     """Line style: colour, dashes and marker are distinctive each."""
 
     colour: str
@@ -37,18 +37,18 @@ class Look:
 
 
 KNOWN_LOOKS = {
-    "latency": Look("#cc79a7", "-", "s"),
-    "latency-transfer": Look("#cc79a7", "--", "D"),
-    "seen": Look("#0072b2", "-", "o"),
-    "lol+": Look("#e69f00", "-", "^"),
-    "l2a": Look("#56b4e9", "-", "v"),
-    "dash-typical": Look("#d55e00", "--", "X"),
-    "dash-tuned": Look("#009e73", "--", "P"),
-    "dash-edge": Look("#1c2430", "--", "*"),  # the text colour, which changes on a dark page
-    "webrtc": Look("#117733", "--", "p"),
-    "local-ply": Look("#8844dd", "-.", "h"),
-    "local-compressed": Look("#885588", "-.", "d"),
-    "local-streamed": Look("#aa4499", "-.", "p"),
+    "latency": LineLook("#cc79a7", "-", "s"),
+    "latency-transfer": LineLook("#cc79a7", "--", "D"),
+    "seen": LineLook("#0072b2", "-", "o"),
+    "lol+": LineLook("#e69f00", "-", "^"),
+    "l2a": LineLook("#56b4e9", "-", "v"),
+    "dash-typical": LineLook("#d55e00", "--", "X"),
+    "dash-tuned": LineLook("#009e73", "--", "P"),
+    "dash-edge": LineLook("#1c2430", "--", "*"),  # the text colour, which changes on a dark page
+    "webrtc": LineLook("#117733", "--", "p"),
+    "local-ply": LineLook("#8844dd", "-.", "h"),
+    "local-compressed": LineLook("#885588", "-.", "d"),
+    "local-streamed": LineLook("#aa4499", "-.", "p"),
 }
 """Okabe and Ito's colour-blind palette."""
 OTHER_COLOURS = ("#999933", "#882255", "#44aa99", "#ddcc77")
@@ -56,9 +56,9 @@ FIXED_COLOUR = "#7b8490"
 USUAL = "seen"
 """The page's default, which has the most variants to compare."""
 STAGES = {
-    (True, False): Look("#dd0044", "--", "<"),
-    (False, True): Look("#bb66ff", ":", ">"),
-    (True, True): Look("#7733ff", "-.", "8"),
+    (True, False): LineLook("#dd0044", "--", "<"),
+    (False, True): LineLook("#bb66ff", ":", ">"),
+    (True, True): LineLook("#7733ff", "-.", "8"),
 }
 """Looks by whether frames are reprojected and whether they are enhanced."""
 FIXED_DASHES: tuple[LineStyle, ...] = (":", "-.", "--", "-")
@@ -81,7 +81,7 @@ class Controller:
     """Motion compensation, such as `reprojection` or `prediction-linear`."""
 
     @classmethod
-    def of(cls, configuration: Configuration) -> Controller:
+    def from_configuration(cls, configuration: Configuration) -> Controller:
         mode = configuration.mode
         if mode not in PER_VIEW:
             representation, over_h3 = configuration.dash_representation, configuration.over_h3
@@ -90,11 +90,11 @@ class Controller:
         return cls(mode, configuration.profile, enhancement=" + ".join(models) or None, motion=configuration.motion)
 
     @property
-    def fixed(self) -> bool:
+    def is_fixed(self) -> bool:
         return isinstance(self.profile, int) or self.representation is not None
 
     @property
-    def plain(self) -> Controller:
+    def unenhanced(self) -> Controller:
         """The same controller without changes to frames."""
         return replace(self, enhancement=None, motion=())
 
@@ -138,7 +138,7 @@ class Controller:
         return separator.join(str(part) for part in (*parts, self.representation) if part is not None)
 
 
-def in_order(controllers: Iterable[Controller]) -> list[Controller]:
+def sort_controllers(controllers: Iterable[Controller]) -> list[Controller]:
     """Distinct controllers by mode: known ones, custom ones, then fixed rungs or representations."""
     known, modes = list(CONTROLLER_TITLES), list(MODE_NAMES)
 
@@ -159,7 +159,7 @@ def run_names(runs: Sequence[Configuration]) -> dict[str, str]:
     scenes, segments, repeats = ({getattr(run, name) for run in runs} for name in ("scene", "segment", "repeat"))
 
     def parts(run: Configuration) -> Iterator[str]:
-        yield Controller.of(run).title_with_mode.replace(",", "")
+        yield Controller.from_configuration(run).title_with_mode.replace(",", "")
         yield run.network.label
         yield Path(run.movement).stem
         if len(scenes) > 1:
@@ -172,44 +172,44 @@ def run_names(runs: Sequence[Configuration]) -> dict[str, str]:
     return {run.slug: ", ".join(parts(run)) for run in runs}
 
 
-def looks(controllers: Iterable[Controller]) -> dict[Controller, Look]:
+def assign_looks(controllers: Iterable[Controller]) -> dict[Controller, LineLook]:
     """A style for each controller; known controllers have the same style in every report.
 
     Variants of frames have separate styles only if several variants of the controller are compared.
     """
-    ordered = in_order(controllers)
-    variants = Counter(controller.plain for controller in ordered)
-    found: dict[Controller, Look] = {}
+    ordered = sort_controllers(controllers)
+    variants = Counter(controller.unenhanced for controller in ordered)
+    found: dict[Controller, LineLook] = {}
     others = 0
     for controller in ordered:
-        look = _usual(controller, place=sum(each.mode == controller.mode and each.fixed for each in found))
-        if look is not None and controller != controller.plain and variants[controller.plain] > 1:
-            look = _set_apart(look, controller)
+        look = _default_look(controller, place=sum(each.mode == controller.mode and each.is_fixed for each in found))
+        if look is not None and controller != controller.unenhanced and variants[controller.unenhanced] > 1:
+            look = _distinguish(look, controller)
         if look is None or look in found.values():
-            look = Look(OTHER_COLOURS[others % len(OTHER_COLOURS)], "-", MARKERS[-1 - others % len(MARKERS)])
+            look = LineLook(OTHER_COLOURS[others % len(OTHER_COLOURS)], "-", MARKERS[-1 - others % len(MARKERS)])
             others += 1
         found[controller] = look
     return found
 
 
-def _usual(controller: Controller, place: int) -> Look | None:
+def _default_look(controller: Controller, place: int) -> LineLook | None:
     """Predefined look of a controller, if any; `place` counts the preceding fixed controllers of its mode."""
     if controller.over_h3:
-        look = _usual(replace(controller, over_h3=False), place)
+        look = _default_look(replace(controller, over_h3=False), place)
         return None if look is None else replace(look, dashes="-.")
-    if not controller.fixed:
-        return KNOWN_LOOKS.get(controller.plain.name)
+    if not controller.is_fixed:
+        return KNOWN_LOOKS.get(controller.unenhanced.name)
     if isinstance(controller.profile, int):
         if controller.mode != "stateless":
             return None
         place, colour = controller.profile, FIXED_COLOUR
     else:
         colour = KNOWN_LOOKS[controller.mode].colour
-    return Look(colour, FIXED_DASHES[place % len(FIXED_DASHES)], MARKERS[place % len(MARKERS)])
+    return LineLook(colour, FIXED_DASHES[place % len(FIXED_DASHES)], MARKERS[place % len(MARKERS)])
 
 
-def _set_apart(look: Look, controller: Controller) -> Look:
+def _distinguish(look: LineLook, controller: Controller) -> LineLook:
     """A distinct look for a variant: dashes and marker, and the colour too for the default controller."""
     stage = STAGES[bool(controller.motion), controller.enhancement is not None]
-    colour = stage.colour if controller.plain.name == USUAL else look.colour
-    return Look(colour, ":" if stage.dashes == look.dashes else stage.dashes, stage.marker)
+    colour = stage.colour if controller.unenhanced.name == USUAL else look.colour
+    return LineLook(colour, ":" if stage.dashes == look.dashes else stage.dashes, stage.marker)

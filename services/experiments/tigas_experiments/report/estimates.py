@@ -20,9 +20,9 @@ from scipy.stats import t as student
 from tigas_experiments.report.metrics import Metric
 from tigas_experiments.report.run_table import Block
 
-LEAST_WINDOWS = 12
+MIN_WINDOWS = 12
 """Minimum number of network windows for an interval: with fewer, it covers the true mean too rarely."""
-LEAST_PEOPLE = 6
+MIN_PEOPLE = 6
 """Minimum number of people for intervals to generalise to others, as their variance cannot be estimated from fewer."""
 CONFIDENCE = 0.95
 Key = TypeVar("Key")
@@ -43,19 +43,19 @@ class Estimate:
     """Probability of a mean at least this far from zero if the true mean is zero; None without an interval."""
 
     @classmethod
-    def over(cls, blocks: Mapping[Block, float], step: float = 0.0, runs: Sequence[float] = ()) -> Self | None:
+    def from_blocks(cls, blocks: Mapping[Block, float], step: float = 0.0, runs: Sequence[float] = ()) -> Self | None:
         """Estimate from one value per block; None without blocks. One infinite value makes the mean infinite.
 
         `step` is the resolution of each value, which widens the interval of equal values.
         """
-        found = cls.of_means([*blocks.values()], runs)
+        found = cls.from_means([*blocks.values()], runs)
         if found is None:
             return None
         interval, p = _interval(tuple(sorted(blocks.items())), step) or (None, None)
         return cls(found.mean, found.low, found.high, len(blocks), interval, p)
 
     @classmethod
-    def of_means(cls, values: Sequence[float], runs: Sequence[float] = ()) -> Self | None:
+    def from_means(cls, values: Sequence[float], runs: Sequence[float] = ()) -> Self | None:
         """Only mean and range; None without values."""
         if not values:
             return None
@@ -68,7 +68,7 @@ class Estimate:
         """The formatted interval; empty without one."""
         if self.interval is None:
             return ""
-        low, high = (signed(metric, value) if math.isinf(value) else metric.text(value) for value in self.interval)
+        low, high = (signed_text(metric, value) if math.isinf(value) else metric.text(value) for value in self.interval)
         return f"[{low}, {high}]"
 
     def range_text(self, metric: Metric) -> str:
@@ -77,7 +77,7 @@ class Estimate:
         return "" if low == high else f"{low}–{high}"
 
 
-def certain(estimates: Iterable[Estimate | None]) -> Collection[Estimate]:
+def significant(estimates: Iterable[Estimate | None]) -> Collection[Estimate]:
     """Estimates in one table that differ from zero, with at most 5 % chance of any false one (Holm 1979)."""
     claims = sorted((found for found in estimates if found and found.p is not None), key=lambda found: found.p or 0)
     sure: list[Estimate] = []
@@ -88,7 +88,7 @@ def certain(estimates: Iterable[Estimate | None]) -> Collection[Estimate]:
     return sure
 
 
-def signed(metric: Metric, difference: float) -> str:
+def signed_text(metric: Metric, difference: float) -> str:
     """A formatted difference; infinite if only one side was ever reached."""
     if math.isnan(difference):
         return metric.text(None)
@@ -97,7 +97,7 @@ def signed(metric: Metric, difference: float) -> str:
     return f"{'+' * (difference > 0)}{metric.text(difference)}"
 
 
-def paired(one: Mapping[Key, float], other: Mapping[Key, float]) -> dict[Key, float]:
+def differences(one: Mapping[Key, float], other: Mapping[Key, float]) -> dict[Key, float]:
     """Difference `one - other` in each common block; 0 for equal values, including two infinite ones."""
     return {block: 0.0 if one[block] == other[block] else one[block] - other[block] for block in one if block in other}
 
@@ -116,7 +116,7 @@ def _interval(blocks: tuple[tuple[Block, float], ...], step: float) -> tuple[tup
     the other end it counts as the outermost finite value, which is conservative.
     """
     windows, people = [block.window for block, _ in blocks], [block.movement for block, _ in blocks]
-    if len(set(windows)) < LEAST_WINDOWS:
+    if len(set(windows)) < MIN_WINDOWS:
         return None
     values = [value for _, value in blocks]
     finite = [value for value in values if math.isfinite(value)]
@@ -141,7 +141,7 @@ def _standard_error(
 ) -> tuple[float, float]:
     """Standard error of the mean, and its degrees of freedom."""
     by_window, by_person = _clusters(residuals, windows), _clusters(residuals, people)
-    if by_person.number < LEAST_PEOPLE:
+    if by_person.number < MIN_PEOPLE:
         return math.sqrt(by_window.variance), by_window.number - 1
     both = _clusters(residuals, [*zip(windows, people, strict=True)])
     sides = (by_window, by_person)

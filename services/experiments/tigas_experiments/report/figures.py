@@ -17,9 +17,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from tigas_experiments.records.statistics import IN_TIME
-from tigas_experiments.report.controllers import Controller, Look
-from tigas_experiments.report.groups import Group, Groups, runs_behind
-from tigas_experiments.report.metrics import PART_TITLES, Metric, chosen
+from tigas_experiments.report.controllers import Controller, LineLook
+from tigas_experiments.report.groups import Group, Groups, describe_run_counts
+from tigas_experiments.report.metrics import PART_TITLES, Metric, select_metrics
 from tigas_experiments.report.plot import (
     MOST_COLUMNS,
     PAPER,
@@ -29,8 +29,8 @@ from tigas_experiments.report.plot import (
     label_lowest,
     panel_grid,
     plain_log,
-    short,
-    style,
+    plot_style,
+    shorten,
 )
 from tigas_experiments.report.quality_figures import enhancement_heat_map, quality, quality_heat_map, quality_over_all
 from tigas_experiments.report.time_figures import (
@@ -41,7 +41,7 @@ from tigas_experiments.report.time_figures import (
     latencies,
 )
 
-OVERVIEW = chosen(
+OVERVIEW = select_metrics(
     "motion_to_photon_p50_ms",
     "motion_to_photon_p95_ms",
     IN_TIME,
@@ -55,7 +55,7 @@ OVERVIEW = chosen(
     "profile_changes_per_min",
     "seen_ssim",
 )
-OVER_RTT = chosen(
+OVER_RTT = select_metrics(
     "response_time_mean_ms",
     "frame_age_mean_ms",
     "motion_to_photon_p95_ms",
@@ -66,7 +66,7 @@ OVER_RTT = chosen(
     "received_mbit_s",
     "new_views_per_s",
 )
-PARTS = chosen(*(f"age_{part}_ms" for part in PART_TITLES))
+PARTS = select_metrics(*(f"age_{part}_ms" for part in PART_TITLES))
 PART_COLOURS = ("#bbbbbb", "#88ccee", "#0072b2", "#44aa99", "#d55e00", "#cc79a7", "#ddcc77")
 LOGARITHMIC_FROM = 8.0
 """Ratio of times above which their axis is logarithmic."""
@@ -77,14 +77,14 @@ MOST_NETWORKS = 8
 def figures(groups: Groups) -> Iterator[tuple[str | None, Plot]]:
     """All figures in page order, each with its network (None: all networks)."""
     for draw in OVERVIEW_FIGURES.values():
-        with style():
+        with plot_style():
             plot = draw(groups)
         if plot is not None:
             yield None, plot
     for number, network in enumerate(groups.networks[:MOST_NETWORKS], 1):
         slug = f"{number:02}-" + (re.sub(r"[^A-Za-z0-9.-]+", "-", network).strip(".-")[:40] or "network")
         for draw_network in NETWORK_FIGURES:
-            with style():
+            with plot_style():
                 plot = draw_network(groups, network)
             if plot is not None:
                 yield network, replace(plot, name=f"{slug}_{plot.name}")
@@ -104,13 +104,13 @@ def overview(groups: Groups) -> Plot | None:
     for axes, metric in zip(panels, metrics, strict=True):
         at = {group: networks.index(group.condition.network) + places[group.controller] for group in own}
         _draw_estimates(axes, at, metric, looks, linestyle="none")
-        names = [short(name) for name in networks]
+        names = [shorten(name) for name in networks]
         axes.set_xticks(range(len(names)), names, **(tilted if len(names) > MOST_COLUMNS else {}))
         axes.set_xlim(-0.5, len(names) - 0.5)
         axes.grid(visible=False, axis="x")
     label_lowest(panels)
-    caption = f"Each controller over each network, {groups.lowest_title}. {runs_behind(own)}"
-    return Plot.of(figure, panels, "overview", "Overview", caption)
+    caption = f"Each controller over each network, {groups.lowest_title}. {describe_run_counts(own)}"
+    return Plot.from_figure(figure, panels, "overview", "Overview", caption)
 
 
 def over_rtt(groups: Groups, network: str) -> Plot | None:
@@ -125,12 +125,12 @@ def over_rtt(groups: Groups, network: str) -> Plot | None:
         _draw_estimates(axes, at, metric, groups.looks)
         axes.set_xlabel("Round trip, ms")
         axes.set_xticks(rtts, [f"{rtt:g}" for rtt in rtts])
-    caption = f"Over {network}; lines and whiskers: {runs_behind([*at])}"
-    return Plot.of(figure, panels, "rtt", "Effect of the round trip", caption)
+    caption = f"Over {network}; lines and whiskers: {describe_run_counts([*at])}"
+    return Plot.from_figure(figure, panels, "rtt", "Effect of the round trip", caption)
 
 
 def _draw_estimates(
-    axes: Axes, at: Mapping[Group, float], metric: Metric, looks: Mapping[Controller, Look], **line: Any
+    axes: Axes, at: Mapping[Group, float], metric: Metric, looks: Mapping[Controller, LineLook], **line: Any
 ) -> None:
     """Draw each controller's means at these positions, with whiskers to the lowest and highest run, on a scaled axis.
 
@@ -176,7 +176,7 @@ def latency_parts(groups: Groups) -> Plot | None:
     if not known:
         return None
     several = len({group.condition.network for group in known}) > 1
-    labels = [group.controller.title + f", {short(group.condition.network)}" * several for group in known]
+    labels = [group.controller.title + f", {shorten(group.condition.network)}" * several for group in known]
     values = zip(*(parts[group] for group in known), strict=True)
     bars = {
         title: (colour, each) for title, colour, each in zip(PART_TITLES.values(), PART_COLOURS, values, strict=True)
@@ -184,10 +184,10 @@ def latency_parts(groups: Groups) -> Plot | None:
     figure, axes = _stacked_bars(labels, bars)
     axes.set(xlabel="Mean frame age, ms (lower is better)", xlim=(0, None))
     caption = (
-        f"Each controller over each network, {groups.lowest_title}. {runs_behind(groups.lowest)} Network "
+        f"Each controller over each network, {groups.lowest_title}. {describe_run_counts(groups.lowest)} Network "
         "includes both directions; the last part includes decoding and the wait for the display."
     )
-    return Plot.of(figure, [axes], "latency-parts", "Parts of the frame age", caption)
+    return Plot.from_figure(figure, [axes], "latency-parts", "Parts of the frame age", caption)
 
 
 def profiles(groups: Groups, network: str) -> Plot | None:
@@ -204,7 +204,7 @@ def profiles(groups: Groups, network: str) -> Plot | None:
     figure, axes = _stacked_bars([group.controller.title for group in own], bars)
     axes.set(xlabel="Share of the time, %", xlim=(0, 100))
     caption = f"Over {groups.base_title(network)}; 0 is the best profile. Means over the runs."
-    return Plot.of(figure, [axes], "profiles", "Profiles on the screen", caption)
+    return Plot.from_figure(figure, [axes], "profiles", "Profiles on the screen", caption)
 
 
 def _stacked_bars(labels: Sequence[str], parts: Mapping[str, tuple[Any, Sequence[Any]]]) -> tuple[Figure, Axes]:

@@ -24,15 +24,15 @@ from tigas_experiments.records.scores import Kind
 from tigas_experiments.report.run_table import Run
 from tigas_experiments.wire.recording import Sample
 
-MOST = 6
+MAX_SAMPLES = 6
 """Number of samples in a report, from as many runs as possible."""
-MOST_PER_RUN = 3
+MAX_SAMPLES_PER_RUN = 3
 SAMPLE_WIDTH, SNAPSHOT_WIDTH = 960, 640
-AMPLIFIED = 4
+AMPLIFICATION = 4
 """Amplification of shown differences."""
 
 
-class Shown(NamedTuple):
+class ShownPicture(NamedTuple):
     """A picture as a data: URL."""
 
     name: str
@@ -49,7 +49,7 @@ class GallerySample(NamedTuple):
     about: str
     remark: str | None
     """Warning about its ground truth."""
-    pictures: list[Shown]
+    pictures: list[ShownPicture]
     width: int
     height: int
 
@@ -71,7 +71,7 @@ def snapshots(runs: Sequence[tuple[str, Run]]) -> list[Snapshot]:
             if run.problem is None and (stored := read_snapshot(run.folder)) is not None:
                 at, shown, view = stored[0], decode(stored[1]), decode(stored[2])
                 height, width = view.shape[:2]
-                urls = (_url(each, SNAPSHOT_WIDTH) for each in (upscale_bilinear(shown, width, height), view))
+                urls = (_data_url(each, SNAPSHOT_WIDTH) for each in (upscale_bilinear(shown, width, height), view))
                 found.append(Snapshot(title, at / 1000, *urls))
     return found
 
@@ -79,17 +79,17 @@ def snapshots(runs: Sequence[tuple[str, Run]]) -> list[Snapshot]:
 def gallery(runs: Sequence[Run]) -> list[GallerySample]:
     """Samples of complete runs that are valid and have ground truth."""
     rendered = [run for run in runs if run.sampled.samples and run.sampled.known]
-    most = min(MOST, len(rendered))
+    most = min(MAX_SAMPLES, len(rendered))
     chosen = [rendered[number * len(rendered) // most] for number in range(most)]  # spread over all runs
-    in_turns = chain.from_iterable(zip_longest(*(islice(_of_run(run), MOST_PER_RUN) for run in chosen)))
-    return list(islice((one for one in in_turns if one is not None), MOST))
+    in_turns = chain.from_iterable(zip_longest(*(islice(_run_samples(run), MAX_SAMPLES_PER_RUN) for run in chosen)))
+    return list(islice((one for one in in_turns if one is not None), MAX_SAMPLES))
 
 
-def _of_run(run: Run) -> Iterator[GallerySample]:
+def _run_samples(run: Run) -> Iterator[GallerySample]:
     """Samples from the beginning, middle and end of a run, then the others; made lazily."""
     known = run.sampled.known
     samples = sorted((one for one in run.sampled.samples if one.seq in known), key=lambda sample: sample.at)
-    first = [len(samples) * share // 6 for share in (1, 3, 5)] if len(samples) >= MOST_PER_RUN else []
+    first = [len(samples) * share // 6 for share in (1, 3, 5)] if len(samples) >= MAX_SAMPLES_PER_RUN else []
     for index in dict.fromkeys((*first, *range(len(samples)))):
         with suppress(OSError, BrokenPicture):
             yield _sample(run, samples[index])
@@ -102,7 +102,7 @@ def _sample(run: Run, sample: Sample) -> GallerySample:
     pictures = {"received": upscale_bicubic(_read(sample_path(run.folder, sample.seq, JPEG)), width, height)}
     if (path := enhanced_path(run.folder, sample.seq)) is not None:
         pictures["enhanced"] = upscale_bicubic(_read(path), width, height)
-    differences = {f"{name}, difference × {AMPLIFIED}": _difference(each, truth) for name, each in pictures.items()}
+    differences = {f"{name}, difference × {AMPLIFICATION}": _difference(each, truth) for name, each in pictures.items()}
     scores = {"received": _scores(run, sample.seq, "original"), "enhanced": _scores(run, sample.seq, "enhanced")}
     shown = {**pictures, "ground truth": truth, **differences}
     known = run.sampled.known[sample.seq]
@@ -112,7 +112,9 @@ def _sample(run: Run, sample: Sample) -> GallerySample:
         title=f"{run.name}, {sample.seq}",
         about=_about(sample),
         remark=remark if known.identical is False else None,
-        pictures=[Shown(name, _url(each, SAMPLE_WIDTH), scores.get(name, "")) for name, each in shown.items()],
+        pictures=[
+            ShownPicture(name, _data_url(each, SAMPLE_WIDTH), scores.get(name, "")) for name, each in shown.items()
+        ],
         width=min(width, SAMPLE_WIDTH),
         height=round(height * min(1.0, SAMPLE_WIDTH / width)),
     )
@@ -143,10 +145,10 @@ def _read(path: Path) -> Picture:
 
 def _difference(one: Picture, other: Picture) -> Picture:
     difference: NDArray[np.int16] = np.abs(one.astype(np.int16) - other)
-    return np.minimum(AMPLIFIED * difference, 255).astype(np.uint8)
+    return np.minimum(AMPLIFICATION * difference, 255).astype(np.uint8)
 
 
-def _url(picture: Picture, width: int) -> str:
+def _data_url(picture: Picture, width: int) -> str:
     image = Image.fromarray(picture)
     image.thumbnail((width, 4 * width))
     buffer = io.BytesIO()

@@ -15,8 +15,8 @@ import numpy as np
 
 from tigas_common.errors import StartError
 from tigas_experiments.records.folder import ExperimentRecord
-from tigas_experiments.report.controllers import Controller, Look, in_order, looks
-from tigas_experiments.report.estimates import Estimate, paired
+from tigas_experiments.report.controllers import Controller, LineLook, assign_looks, sort_controllers
+from tigas_experiments.report.estimates import Estimate, differences
 from tigas_experiments.report.metrics import Metric
 from tigas_experiments.report.run_table import Block, Condition, Floats, Run
 
@@ -52,9 +52,9 @@ class Group:
         if self.networks:
             found = [each.estimate(metric) for each in self.networks]
             known = [each.mean for each in found if each is not None]
-            return Estimate.of_means(known) if len(known) == len(found) else None
+            return Estimate.from_means(known) if len(known) == len(found) else None
         values = [value for run in self.runs if (value := run.values[metric.name]) is not None]
-        return Estimate.over(self.blocks(metric), runs=values)
+        return Estimate.from_blocks(self.blocks(metric), runs=values)
 
     def blocks(self, metric: Metric) -> dict[Block, float]:
         values: dict[Block, list[float]] = {}
@@ -92,8 +92,8 @@ class Difference:
 
     def estimate(self, metric: Metric) -> Estimate | None:
         """Mean difference over all common blocks; None without common blocks."""
-        pairs = [paired(own.blocks(metric), base.blocks(metric)) for own, base in self.pairs]
-        return Estimate.over({block: value for found in pairs for block, value in found.items()}, metric.step)
+        pairs = [differences(own.blocks(metric), base.blocks(metric)) for own, base in self.pairs]
+        return Estimate.from_blocks({block: value for found in pairs for block, value in found.items()}, metric.step)
 
 
 class Comparison(NamedTuple):
@@ -109,7 +109,7 @@ class Comparison(NamedTuple):
 def comparisons(runs: Iterable[Run]) -> list[Comparison]:
     conditions: dict[tuple[str, float | None], dict[Condition, list[Run]]] = {}
     for run in runs:
-        condition = Condition.of(run.record)
+        condition = Condition.from_record(run.record)
         conditions.setdefault(condition[:2], {}).setdefault(condition, []).append(run)
     found = []
     for own in conditions.values():
@@ -127,9 +127,9 @@ class Groups(tuple[Group, ...]):
     __slots__ = ()
 
     @classmethod
-    def of(cls, runs: Iterable[Run]) -> Groups:
+    def from_runs(cls, runs: Iterable[Run]) -> Groups:
         found = [Group(condition, kept) for compared in comparisons(runs) for condition, kept in compared.kept.items()]
-        order = in_order(group.controller for group in found)
+        order = sort_controllers(group.controller for group in found)
 
         def place(group: Group) -> tuple[str, float, int]:
             return group.condition.network, _rtt_order(group.condition), order.index(group.controller)
@@ -145,9 +145,9 @@ class Groups(tuple[Group, ...]):
         return list(dict.fromkeys(group.condition[:2] for group in self))
 
     @property
-    def looks(self) -> dict[Controller, Look]:
+    def looks(self) -> dict[Controller, LineLook]:
         """Line style of each controller, in the order used in all tables and legends."""
-        return looks(group.controller for group in self)
+        return assign_looks(group.controller for group in self)
 
     def rtts(self, network: str) -> list[float]:
         """Known round trips of a network, ascending."""
@@ -185,7 +185,7 @@ class Groups(tuple[Group, ...]):
         """Means over all networks of the controllers that all networks have at one round trip."""
         return [
             Group(condition, [run for group in own for run in group.runs], own)
-            for condition, own in self._everywhere(self)
+            for condition, own in self._common_to_networks(self)
         ]
 
     def against(self, baseline: Controller) -> list[Difference]:
@@ -198,12 +198,12 @@ class Groups(tuple[Group, ...]):
         ]
         over_all = [
             Difference(condition, [pair for one in own for pair in one.pairs])
-            for condition, own in self._everywhere(each)
+            for condition, own in self._common_to_networks(each)
             if len(self.networks) > 1
         ]
         return [*over_all, *each]
 
-    def _everywhere(self, rows: Iterable[AnyRow]) -> Iterator[tuple[Condition, list[AnyRow]]]:
+    def _common_to_networks(self, rows: Iterable[AnyRow]) -> Iterator[tuple[Condition, list[AnyRow]]]:
         """The rows for each round trip and controller that all networks have."""
         found: dict[Condition, list[AnyRow]] = {}
         for row in rows:
@@ -214,7 +214,7 @@ class Groups(tuple[Group, ...]):
                 yield condition, found[condition]
 
 
-def runs_behind(groups: Sequence[Group]) -> str:
+def describe_run_counts(groups: Sequence[Group]) -> str:
     """A sentence about the number of runs behind means and ranges."""
     counts = sorted({len(group.runs) for group in groups})
     if counts == [1]:
@@ -236,14 +236,14 @@ def choose_baseline(groups: Groups, experiment: ExperimentRecord | None, asked: 
         raise StartError(f"There are no runs of the controller {asked!r}, only of {', '.join(present) or 'none'}.")
     if asked is not None:
         return present[asked]
-    for name in _planned(experiment):
-        variants = [each for each in groups.looks if replace(each.plain, over_h3=False).name == name]
+    for name in _planned_controllers(experiment):
+        variants = [each for each in groups.looks if replace(each.unenhanced, over_h3=False).name == name]
         if variants:
             return present.get(name, variants[0])
     return next(iter(groups.looks), None)
 
 
-def _planned(experiment: ExperimentRecord | None) -> list[str]:
+def _planned_controllers(experiment: ExperimentRecord | None) -> list[str]:
     """Controller names in the order of the experiment's file; a plan made on the page may have none."""
     plan = {} if experiment is None else experiment.plan
     variants = plan.get("variants")

@@ -17,7 +17,7 @@ from tigas_common.wire.render import RenderRequest, Rung
 from tigas_experiments.quality.picture import Picture, Quality, compare, decode, upscale_bicubic
 from tigas_experiments.records.files import BrokenRecording
 from tigas_experiments.records.folder import LADDER, StoredRun
-from tigas_experiments.report.plot import style
+from tigas_experiments.report.plot import plot_style
 from tigas_experiments.report.run_table import run_folders
 from tigas_experiments.wire.recording import Input, Lens
 
@@ -46,7 +46,7 @@ class Step(NamedTuple):
     """Quality against a lossless rendering of that size."""
 
 
-async def ladder(renderer: RenderClient, scene: str, poses: Sequence[Pose], lens: Lens) -> list[Step]:
+async def render_ladder(renderer: RenderClient, scene: str, poses: Sequence[Pose], lens: Lens) -> list[Step]:
     """Render the most detailed view at every rung, best first, at the best rung's size and the viewport's aspect ratio.
 
     Detail is measured by the size of the best rung's JPEG. Raises RenderUnavailable, RenderProblem and BrokenPicture.
@@ -87,7 +87,7 @@ def write_ladder(steps: Sequence[Step], folder: Path) -> list[Path]:
     columns = min(len(steps), MOST_COLUMNS)
     rows = 2 * math.ceil(len(steps) / columns)
     inner = [slice((side - side // DETAIL) // 2, (side + side // DETAIL) // 2) for side in (height, width)]
-    with style():
+    with plot_style():
         row_in = PICTURE_IN * height / width + 0.25
         figure = Figure(figsize=(PICTURE_IN * columns, row_in * rows), layout="constrained")
         panels = figure.subplots(rows, columns, squeeze=False)

@@ -118,11 +118,11 @@ METRICS = {metric.name: metric for metric in _TABLE}
 """All metrics by column name."""
 
 
-def chosen(*names: str) -> tuple[Metric, ...]:
+def select_metrics(*names: str) -> tuple[Metric, ...]:
     return tuple(METRICS[name] for name in names)
 
 
-TABLE = chosen(
+TABLE = select_metrics(
     "view_latency_p95_ms",
     "motion_to_photon_p50_ms",
     "motion_to_photon_p95_ms",

@@ -50,7 +50,7 @@ class Row:
         return Mean(statistics.fmean(found), deviation, len(found))
 
 
-def rows(runs: Iterable[tuple[Condition | None, Sequence[Score]]]) -> list[Row]:
+def score_rows(runs: Iterable[tuple[Condition | None, Sequence[Score]]]) -> list[Row]:
     """Rows of all runs; within each condition: originals, enhanced pictures, then differences."""
     found: dict[tuple[Condition | None, PictureKind, str | None], Row] = {}
     for condition, scores in runs:
@@ -77,8 +77,8 @@ def rows(runs: Iterable[tuple[Condition | None, Sequence[Score]]]) -> list[Row]:
 
 def rows_of(groups: Groups) -> list[Row]:
     """Rows of an experiment, in the order of its tables."""
-    return rows((group.condition, run.scores) for group in groups for run in group.runs if run.scores)
+    return score_rows((group.condition, run.scores) for group in groups for run in group.runs if run.scores)
 
 
-def computed(rows: Sequence[Row]) -> list[PictureMetric]:
+def computed_metrics(rows: Sequence[Row]) -> list[PictureMetric]:
     return [metric for metric in PICTURE_METRICS if any(row.values.get(metric.name) for row in rows)]

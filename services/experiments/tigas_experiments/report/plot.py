@@ -19,7 +19,7 @@ from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 from tigas_experiments.wire.figures import INTERACTIVE_MS
 
 INK, QUIET, GRID, AREA, PAPER = "#1c2430", "#8a929c", "#e4e7eb", "#eef0f3", "#ffffff"
-IN_A_PAGE = {INK: "var(--ink)", QUIET: "var(--quiet)", GRID: "var(--grid)", AREA: "var(--area)", PAPER: "var(--paper)"}
+PAGE_VARS = {INK: "var(--ink)", QUIET: "var(--quiet)", GRID: "var(--grid)", AREA: "var(--area)", PAPER: "var(--paper)"}
 """Colours that change on a dark page, with their variables in templates/style.css.j2."""
 NO_METADATA = dict.fromkeys(("Creator", "Date", "Format", "Type"))
 STYLE: Any = {
@@ -57,7 +57,7 @@ NAME_LENGTH = 18
 
 
 @contextmanager
-def style() -> Iterator[None]:
+def plot_style() -> Iterator[None]:
     """Context in which figures are made and written."""
     with mpl.rc_context(STYLE), warnings.catch_warnings():
         # Characters missing from the font are drawn as boxes; the page's text shows them.
@@ -74,7 +74,7 @@ class Plot:
     svg: str
 
     @classmethod
-    def of(cls, figure: Figure, panels: Sequence[Axes], name: str, title: str, caption: str) -> Plot:
+    def from_figure(cls, figure: Figure, panels: Sequence[Axes], name: str, title: str, caption: str) -> Plot:
         """A plot of a figure with a common legend above its panels."""
         add_legend(figure, panels)
         return cls(name, title, caption, svg(figure))
@@ -83,7 +83,7 @@ class Plot:
     def markup(self) -> Markup:
         """SVG for a page, with the page's colours for text and lines, which may be dark."""
         drawing = self.svg
-        for colour, variable in IN_A_PAGE.items():
+        for colour, variable in PAGE_VARS.items():
             drawing = drawing.replace(f": {colour}", f": {variable}")
         return Markup(drawing)  # matplotlib escapes the text
 
@@ -152,7 +152,7 @@ def interactive_limit(axes: Axes, *, horizontal: bool = False) -> None:
     draw(INTERACTIVE_MS, color=INK, linewidth=0.8, linestyle="--", zorder=1)
 
 
-def short(name: str) -> str:
+def shorten(name: str) -> str:
     """A name shortened in the middle, as its ends distinguish traces of one collection."""
     half = NAME_LENGTH // 2
     return name if len(name) <= NAME_LENGTH else f"{name[:half]}…{name[half + 1 - NAME_LENGTH :]}"

@@ -10,12 +10,12 @@ from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 
 from tigas_experiments.quality.metrics import PictureMetric
-from tigas_experiments.report.controllers import Controller, Look, in_order
-from tigas_experiments.report.estimates import LEAST_WINDOWS, Estimate
+from tigas_experiments.report.controllers import Controller, LineLook, sort_controllers
+from tigas_experiments.report.estimates import MIN_WINDOWS, Estimate
 from tigas_experiments.report.groups import Groups
 from tigas_experiments.report.metrics import Metric
-from tigas_experiments.report.picture_scores import PictureKind, Row, computed, rows_of
-from tigas_experiments.report.plot import PAPER, Plot, label_lowest, log_axis, panel_grid, short
+from tigas_experiments.report.picture_scores import PictureKind, Row, computed_metrics, rows_of
+from tigas_experiments.report.plot import PAPER, Plot, label_lowest, log_axis, panel_grid, shorten
 from tigas_experiments.report.rate_distortion import QUALITIES, RECEIVED, RateDistortion, Series, over_all
 
 CELL_IN, LABELS_IN = (1.05, 0.5), (1.4, 0.75)
@@ -37,7 +37,7 @@ def enhancement_heat_map(groups: Groups) -> Plot | None:
 def _heat_map(groups: Groups, kind: PictureKind, name: str, title: str, caption: str) -> Plot | None:
     """A row for each network, round trip and, for differences, model; a column for each controller."""
     rows = [row for row in rows_of(groups) if row.kind == kind]
-    metrics = computed(rows)
+    metrics = computed_metrics(rows)
     if not metrics:
         return None
     cells = {}
@@ -46,23 +46,25 @@ def _heat_map(groups: Groups, kind: PictureKind, name: str, title: str, caption:
         network, rtt, controller = row.condition
         cells[(network, rtt, row.model), controller] = row
     lines = list(dict.fromkeys(line for line, _ in cells))
-    controllers = in_order(controller for _, controller in cells)
+    controllers = sort_controllers(controller for _, controller in cells)
     grid = [[cells.get((line, controller)) for controller in controllers] for line in lines]
     labels = [
-        "\n".join((short(network), *([f"{rtt:g} ms"] if rtt is not None else []), *([short(model)] if model else [])))
+        "\n".join(
+            (shorten(network), *([f"{rtt:g} ms"] if rtt is not None else []), *([shorten(model)] if model else []))
+        )
         for network, rtt, model in lines
     ]
     width, height = LABELS_IN[0] + CELL_IN[0] * len(controllers), LABELS_IN[1] + CELL_IN[1] * len(lines)
     figure, panels = panel_grid(len(metrics), width=width, height=height)
     for axes, metric in zip(panels, metrics, strict=True):
         _draw_cells(axes, metric, grid, signed=kind == "difference")
-        axes.set_xticks([0.5 + x for x in range(len(controllers))], [short(one.title) for one in controllers])
+        axes.set_xticks([0.5 + x for x in range(len(controllers))], [shorten(one.title) for one in controllers])
         axes.set_yticks([0.5 + y for y in range(len(lines))], labels)
     pictures = sorted(mean.pictures for row in rows for metric in metrics if (mean := row.mean(metric)) is not None)
     counted = " to ".join(dict.fromkeys((f"{pictures[0]:,}", f"{pictures[-1]:,}")))
     variants = "; ".join(f"{metric.title}: {metric.variant}" for metric in metrics)
     caption = f"{caption}; mean ± standard deviation over {counted} sampled pictures. {variants}."
-    return Plot.of(figure, panels, name, title, caption)
+    return Plot.from_figure(figure, panels, name, title, caption)
 
 
 def _draw_cells(axes: Axes, metric: PictureMetric, grid: Sequence[Sequence[Row | None]], *, signed: bool) -> None:
@@ -89,7 +91,7 @@ def _draw_cells(axes: Axes, metric: PictureMetric, grid: Sequence[Sequence[Row |
 
 def quality(groups: Groups, network: str) -> Plot | None:
     """Quality against rate; None without quality measurements."""
-    found = RateDistortion.of(groups.base(network), network, groups.base_rtt(network))
+    found = RateDistortion.from_groups(groups.base(network), network, groups.base_rtt(network))
     return None if found is None else _rate_distortion(found, groups.looks, groups.base_title(network))
 
 
@@ -99,7 +101,7 @@ def quality_over_all(groups: Groups) -> Plot | None:
     return None if found is None else _rate_distortion(found, groups.looks, f"all networks, {groups.lowest_title}")
 
 
-def _rate_distortion(found: RateDistortion, looks: Mapping[Controller, Look], where: str) -> Plot | None:
+def _rate_distortion(found: RateDistortion, looks: Mapping[Controller, LineLook], where: str) -> Plot | None:
     """A curve through the fixed rungs of a mode, and a point for each adaptive controller."""
     rates = [rate for each in found.series for one in each.samples for rate in each.values(one, RECEIVED).values()]
     metrics = [
@@ -117,17 +119,17 @@ def _rate_distortion(found: RateDistortion, looks: Mapping[Controller, Look], wh
     label_lowest(panels, columns=2)
     caption = (
         f"Quality against received data, over {where}. Small points: blocks; large: their means, with 95 % confidence "
-        f"intervals from {LEAST_WINDOWS} network windows on. Lines: through the fixed rungs of a mode."
+        f"intervals from {MIN_WINDOWS} network windows on. Lines: through the fixed rungs of a mode."
     )
-    return Plot.of(figure, panels, "rate-distortion", "Quality against rate", caption)
+    return Plot.from_figure(figure, panels, "rate-distortion", "Quality against rate", caption)
 
 
-def _draw_series(axes: Axes, series: Series, metric: Metric, looks: Mapping[Controller, Look]) -> None:
+def _draw_series(axes: Axes, series: Series, metric: Metric, looks: Mapping[Controller, LineLook]) -> None:
     colour = looks[next(iter(series.samples))].colour
     means: list[tuple[float, float]] = []
     for controller in series.samples:
         rates, qualities = series.values(controller, RECEIVED, metric), series.values(controller, metric)
-        rate, quality = Estimate.over(rates), Estimate.over(qualities)
+        rate, quality = Estimate.from_blocks(rates), Estimate.from_blocks(qualities)
         if rate is None or quality is None:
             continue
         if len(rates) > 1:

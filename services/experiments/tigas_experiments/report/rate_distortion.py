@@ -9,14 +9,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tigas_experiments.report.controllers import Controller, in_order
+from tigas_experiments.report.controllers import Controller, sort_controllers
 from tigas_experiments.report.estimates import Estimate
 from tigas_experiments.report.groups import ALL, Group, Groups
-from tigas_experiments.report.metrics import METRICS, Metric, chosen
+from tigas_experiments.report.metrics import METRICS, Metric, select_metrics
 from tigas_experiments.report.run_table import Block
 
 RECEIVED = METRICS["received_mbit_s"]
-QUALITIES = chosen("seen_ssim", "seen_psnr_db", "picture_ssim", "picture_psnr_db")
+QUALITIES = select_metrics("seen_ssim", "seen_psnr_db", "picture_ssim", "picture_psnr_db")
 Sample = dict[Metric, float]
 """Rate (RECEIVED, above 0) and qualities of a block."""
 Points = list[tuple[float, float]]
@@ -67,7 +67,7 @@ class EqualRate:
     """Quality of the series minus that of the curve, over the overlapping blocks."""
 
     @classmethod
-    def of(cls, curve: Series, other: Series) -> EqualRate:
+    def from_series(cls, curve: Series, other: Series) -> EqualRate:
         values: dict[Metric, dict[Block, float]] = {metric: {} for metric in QUALITIES}
         ranges: dict[Block, tuple[float, float] | None] = {}
         for block in dict.fromkeys(block for samples in other.samples.values() for block in samples):
@@ -79,7 +79,7 @@ class EqualRate:
                     if low <= high:
                         ranges[block] = (low, high)
                         values[metric][block] = _mean_over(low, high, one, two)
-        estimates = {metric: Estimate.over(values[metric], metric.step) for metric in QUALITIES}
+        estimates = {metric: Estimate.from_blocks(values[metric], metric.step) for metric in QUALITIES}
         return cls(curve, other, len(ranges), [each for each in ranges.values() if each], estimates)
 
     @property
@@ -118,7 +118,7 @@ class RateDistortion:
     """Curves first."""
 
     @classmethod
-    def of(cls, groups: Sequence[Group], network: str, rtt_ms: float | None) -> RateDistortion | None:
+    def from_groups(cls, groups: Sequence[Group], network: str, rtt_ms: float | None) -> RateDistortion | None:
         """Series of groups with different controllers and possibly networks; None without measured quality."""
         samples: dict[Controller, dict[Block, Sample]] = {}
         for group in groups:
@@ -129,8 +129,8 @@ class RateDistortion:
                     if rates.get(block, 0) > 0 and math.isfinite(value):
                         own.setdefault(block, {RECEIVED: rates[block]})[metric] = value
         series: dict[object, dict[Controller, dict[Block, Sample]]] = {}
-        for each in in_order(controller for controller, own in samples.items() if own):
-            key = (replace(each, profile=None, representation=None),) if each.fixed else each
+        for each in sort_controllers(controller for controller, own in samples.items() if own):
+            key = (replace(each, profile=None, representation=None),) if each.is_fixed else each
             series.setdefault(key, {})[each] = samples[each]
         found = sorted(map(Series, series.values()), key=lambda one: not one.is_curve)
         return cls(network, rtt_ms, found) if found else None
@@ -144,11 +144,11 @@ class RateDistortion:
     def equal_rates(self) -> list[EqualRate]:
         """Each curve against all later series: curves first, then adaptive controllers."""
         curves = [(place, one) for place, one in enumerate(self.series, 1) if one.is_curve]
-        return [EqualRate.of(curve, other) for place, curve in curves for other in self.series[place:]]
+        return [EqualRate.from_series(curve, other) for place, curve in curves for other in self.series[place:]]
 
 
 def by_condition(groups: Groups) -> list[RateDistortion]:
-    found = (RateDistortion.of(groups.at(network, rtt), network, rtt) for network, rtt in groups.conditions)
+    found = (RateDistortion.from_groups(groups.at(network, rtt), network, rtt) for network, rtt in groups.conditions)
     return [one for one in found if one is not None]
 
 
@@ -156,7 +156,7 @@ def over_all(groups: Groups) -> RateDistortion | None:
     """Controllers that all networks share, each at its lowest round trip. None with fewer than two networks."""
     networks = Counter(group.controller for group in groups.lowest)
     everywhere = [group for group in groups.lowest if networks[group.controller] == len(groups.networks)]
-    return RateDistortion.of(everywhere, ALL, None) if len(groups.networks) > 1 else None
+    return RateDistortion.from_groups(everywhere, ALL, None) if len(groups.networks) > 1 else None
 
 
 def _range(low: float, high: float) -> str:

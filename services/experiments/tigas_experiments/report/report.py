@@ -15,7 +15,7 @@ from tigas_common.files import read_regular
 from tigas_experiments.records.folder import LADDER
 from tigas_experiments.records.samples import MAX_PICTURE_BYTES
 from tigas_experiments.report.controllers import Controller
-from tigas_experiments.report.estimates import LEAST_PEOPLE, LEAST_WINDOWS, certain, signed
+from tigas_experiments.report.estimates import MIN_PEOPLE, MIN_WINDOWS, signed_text, significant
 from tigas_experiments.report.figures import FIGURE_FILES, MOST_NETWORKS, figures
 from tigas_experiments.report.gallery import Snapshot, gallery, snapshots
 from tigas_experiments.report.groups import Groups, choose_baseline
@@ -23,10 +23,10 @@ from tigas_experiments.report.metrics import TABLE
 from tigas_experiments.report.plot import Plot
 from tigas_experiments.report.rate_distortion import QUALITIES, by_condition, over_all
 from tigas_experiments.report.run_listing import COLUMN_GROUPS, by_network, markdown, titles
-from tigas_experiments.report.run_table import OnProgress, Results, Run, load
-from tigas_experiments.report.tables import BEST, best, best_markdown, overall_markdown, write_csv
+from tigas_experiments.report.run_table import OnProgress, Results, Run, load_results
+from tigas_experiments.report.tables import BEST, best_markdown, best_rows, overall_markdown, write_csv
 from tigas_experiments.report.time_figures import write_headline
-from tigas_experiments.report.warnings import warnings
+from tigas_experiments.report.warnings import collect_warnings
 from tigas_experiments.wire.figures import INTERACTIVE_MS
 
 BEST_FILE = "best.md"
@@ -67,9 +67,9 @@ def write_report(
     `baseline` overrides the controller with which the others are compared. Raises StartError if there are no runs, or
     no runs of the baseline, and OSError.
     """
-    results = load(folder, on_progress)
+    results = load_results(folder, on_progress)
     clear(out)
-    groups = Groups.of(results.runs)
+    groups = Groups.from_runs(results.runs)
     base = choose_baseline(groups, results.experiment, baseline)
     differences = groups.against(base) if base is not None else []
     distortions = [found for found in (over_all(groups), *by_condition(groups)) if found is not None]
@@ -77,10 +77,10 @@ def write_report(
     totals, complete = groups.overall(), [run for run in results.made if run.problem is None]
     (out / "table.md").write_text(markdown(results.made), encoding="utf-8")
     (out / "overall.md").write_text(overall_markdown(totals), encoding="utf-8")
-    rows = best(groups, results.title)
+    rows = best_rows(groups, results.title)
     if rows:
         (out / BEST_FILE).write_text(best_markdown(rows), encoding="utf-8")
-    report = Report(results, None if base is None else base.name, warnings(results), out / "report.html", rows)
+    report = Report(results, None if base is None else base.name, collect_warnings(results), out / "report.html", rows)
     plots = _write_figures(groups, out, on_progress)
     streams = {run: run.record.recording.dash for run in complete if run.record.recording}
     environment = Environment(
@@ -105,15 +105,19 @@ def write_report(
         samples=gallery(results.runs),
         ladder=_ladder(folder),
         csv={path.name: _download(path) for path in csv_files},
-        streams={Controller.of(run.configuration).title_with_mode: dash for run, dash in streams.items() if dash},
+        streams={
+            Controller.from_configuration(run.configuration).title_with_mode: dash
+            for run, dash in streams.items()
+            if dash
+        },
         columns=TABLE,
         column_groups=COLUMN_GROUPS,
         qualities=QUALITIES,
         interactive_ms=f"{INTERACTIVE_MS:g}",
-        least_windows=LEAST_WINDOWS,
-        least_people=LEAST_PEOPLE,
-        certain=certain,
-        signed=signed,
+        least_windows=MIN_WINDOWS,
+        least_people=MIN_PEOPLE,
+        certain=significant,
+        signed=signed_text,
     )
     report.page.write_text(page, encoding="utf-8")
     return report

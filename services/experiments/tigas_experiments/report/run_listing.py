@@ -65,8 +65,8 @@ COLUMNS = (
 COLUMN_GROUPS = [(name, list(members)) for name, members in groupby(COLUMNS, lambda column: column.group)]
 
 
-def label(run: Run) -> str:
-    name, repeat = Controller.of(run.configuration).title_with_mode, run.configuration.repeat
+def run_label(run: Run) -> str:
+    name, repeat = Controller.from_configuration(run.configuration).title_with_mode, run.configuration.repeat
     return f"{name} ({repeat + 1})" if repeat else name
 
 
@@ -78,7 +78,7 @@ def titles(runs: Sequence[Run]) -> list[str]:
     def title(run: Run) -> str:
         each = run.configuration
         parts = {"scene": each.scene, "movement": Path(each.movement).stem, "segment": f"part {each.segment + 1}"}
-        return ", ".join((label(run), *(parts[name] for name in several)))
+        return ", ".join((run_label(run), *(parts[name] for name in several)))
 
     return [title(run) for run in runs]
 
@@ -87,7 +87,7 @@ def by_network(runs: Iterable[Run]) -> dict[str, list[Run]]:
     """Runs by network in their original order, with runs of the same controller together."""
     found: dict[str, dict[str, list[Run]]] = {}
     for run in runs:
-        found.setdefault(run.configuration.network.label, {}).setdefault(label(run), []).append(run)
+        found.setdefault(run.configuration.network.label, {}).setdefault(run_label(run), []).append(run)
     return {network: [run for alike in own.values() for run in alike] for network, own in found.items()}
 
 
@@ -106,7 +106,7 @@ def markdown(runs: Iterable[Run]) -> str:
     return markdown_table(headings, rows, left=headings[:2])
 
 
-def in_terminal(network: str, runs: Sequence[Run], width: int) -> Iterator[Table]:
+def terminal_tables(network: str, runs: Sequence[Run], width: int) -> Iterator[Table]:
     """One column per run over a network, without metrics that all runs lack, split into tables that fit the width.
 
     Names break between words and are never truncated.

@@ -48,7 +48,7 @@ class Block(NamedTuple):
     movement_offset_s: float
 
     @classmethod
-    def of(cls, configuration: Configuration) -> Block:
+    def from_configuration(cls, configuration: Configuration) -> Block:
         network, movement = configuration.network, Path(configuration.movement).name
         offset_s = None if network.trace is None else network.offset_s
         return cls(network.name, offset_s, configuration.scene, movement, configuration.movement_offset_s)
@@ -71,9 +71,9 @@ class Condition(NamedTuple):
     controller: Controller
 
     @classmethod
-    def of(cls, record: RunRecord) -> Condition:
+    def from_record(cls, record: RunRecord) -> Condition:
         network = record.configuration.network
-        return cls(network.name, network.round_trip_ms, Controller.of(record.configuration))
+        return cls(network.name, network.round_trip_ms, Controller.from_configuration(record.configuration))
 
     @property
     def labels(self) -> list[str]:
@@ -135,7 +135,7 @@ class Results:
         return self.folder.resolve().name if self.experiment is None else self.experiment.name
 
 
-def load(folder: Path, on_progress: OnProgress = lambda step, done, total: None) -> Results:
+def load_results(folder: Path, on_progress: OnProgress = lambda step, done, total: None) -> Results:
     """Read all runs of an experiment. Raises StartError without runs."""
     folders = run_folders(folder)
     experiment: ExperimentRecord | None = None
@@ -192,14 +192,14 @@ def run_table(results: Results, compared: Collection[Run]) -> list[Row]:
 
 
 def _record(record: RunRecord) -> Row:
-    network, rtt_ms, controller = Condition.of(record)
+    network, rtt_ms, controller = Condition.from_record(record)
     load = record.load
     busiest = None if load is None else load.worst_pegged
     return {
         "network": network,
         "rtt_ms": rtt_ms,
         "controller": controller.name,
-        **_flat("configuration", record.configuration.model_dump(mode="json")),
+        **_flatten("configuration", record.configuration.model_dump(mode="json")),
         "started": record.started,
         "tigas": record.machine.tigas,
         "commit": record.machine.commit,
@@ -218,17 +218,17 @@ def _record(record: RunRecord) -> Row:
     }
 
 
-def _flat(prefix: str, value: Any) -> Row:
+def _flatten(prefix: str, value: Any) -> Row:
     """Nested fields as columns, such as configuration_network_link_down_kbps."""
     if isinstance(value, dict):
-        return {name: cell for key, inner in value.items() for name, cell in _flat(f"{prefix}_{key}", inner).items()}
+        return {name: cell for key, inner in value.items() for name, cell in _flatten(f"{prefix}_{key}", inner).items()}
     return {prefix: value}
 
 
 def _read(folder: Path, relative: Callable[[str], str]) -> Run:
     """Read one run. Raises BrokenRecording."""
     summary, records = read(folder)
-    run = Run(folder, summary.record, Block.of(summary.record.configuration), read_sampled_run(folder))
+    run = Run(folder, summary.record, Block.from_configuration(summary.record.configuration), read_sampled_run(folder))
     if summary.figures is None or records is None:
         return replace(run, problem=relative(summary.problem or ""))
     return replace(

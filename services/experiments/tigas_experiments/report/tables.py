@@ -12,14 +12,14 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from tigas_experiments.report.estimates import LEAST_WINDOWS, Estimate, certain, signed
+from tigas_experiments.report.estimates import MIN_WINDOWS, Estimate, signed_text, significant
 from tigas_experiments.report.groups import Difference, Group, Groups
-from tigas_experiments.report.metrics import METRICS, TABLE, chosen
-from tigas_experiments.report.picture_scores import computed, rows_of
+from tigas_experiments.report.metrics import METRICS, TABLE, select_metrics
+from tigas_experiments.report.picture_scores import computed_metrics, rows_of
 from tigas_experiments.report.rate_distortion import QUALITIES, RateDistortion
 from tigas_experiments.report.run_table import Results, Row, run_table
 
-SEEN, RECEIVED = chosen("seen_ssim", "received_mbit_s")
+SEEN, RECEIVED = select_metrics("seen_ssim", "received_mbit_s")
 BEST = ("experiment", "round trip, ms", "best picture on the screen", "SSIM", "Mbit/s", "not certainly worse")
 """Columns about the controller with the highest SSIM at display time over all networks, and the controllers that are
 not significantly worse."""
@@ -55,7 +55,7 @@ def overall_markdown(rows: Sequence[Group]) -> str:
     return markdown_table(headings, lines, left=["controller"])
 
 
-def best(groups: Groups, experiment: str) -> list[list[str]]:
+def best_rows(groups: Groups, experiment: str) -> list[list[str]]:
     """A row of BEST for each round trip at which all networks have captures of several controllers."""
     rows = []
     everywhere = groups.overall() if len(groups.networks) > 1 else groups
@@ -75,15 +75,15 @@ def best(groups: Groups, experiment: str) -> list[list[str]]:
             pair: pair.estimate(SEEN) for pair in groups.against(first.controller) if pair.condition[:2] == condition
         }
         known = {pair: estimate for pair, estimate in pairs.items() if estimate and estimate.interval}
-        worse = certain(known.values())
+        worse = significant(known.values())
         alike = (
-            f"{title(pair)} ({signed(SEEN, estimate.mean)} {estimate.interval_text(SEEN)})"
+            f"{title(pair)} ({signed_text(SEEN, estimate.mean)} {estimate.interval_text(SEEN)})"
             for pair, estimate in known.items()
             if estimate not in worse
         )
         rate = first.estimate(RECEIVED)
         cells = (title(first), SEEN.text(means[first]), RECEIVED.text(None if rate is None else rate.mean))
-        others = "; ".join(alike) or "none" if known else f"unknown: fewer than {LEAST_WINDOWS} network windows"
+        others = "; ".join(alike) or "none" if known else f"unknown: fewer than {MIN_WINDOWS} network windows"
         rows.append([experiment, first.labels[1], *cells, others])
     return rows
 
@@ -138,7 +138,7 @@ def _difference(difference: Difference) -> Iterator[Row]:
 
 def _picture_scores(groups: Groups) -> Iterator[Row]:
     for row in rows_of(groups):
-        for metric in computed([row]):
+        for metric in computed_metrics([row]):
             mean = row.mean(metric)
             assert mean is not None
             assert row.condition is not None

@@ -12,8 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.stats import binned_statistic
 
-from tigas_experiments.report.controllers import Controller, Look
-from tigas_experiments.report.groups import Group, Groups, runs_behind
+from tigas_experiments.report.controllers import Controller, LineLook
+from tigas_experiments.report.groups import Group, Groups, describe_run_counts
 from tigas_experiments.report.plot import (
     AREA,
     INK,
@@ -27,13 +27,13 @@ from tigas_experiments.report.plot import (
     label_lowest,
     panel_grid,
     plain_log,
-    short,
-    style,
+    plot_style,
+    shorten,
 )
 from tigas_experiments.report.run_table import Floats, Run
 from tigas_experiments.wire.figures import INTERACTIVE_MS
 
-Looks = Mapping[Controller, Look]
+Looks = Mapping[Controller, LineLook]
 DISTRIBUTION_POINTS = 200
 """Maximum number of points in a drawn distribution."""
 BINS = 240
@@ -50,7 +50,7 @@ def latencies(groups: Groups, network: str) -> Plot | None:
         f"inputs count, so such a curve ends below 100 %. {DASHED}"
     )
     drawn = _panels(groups, _by_rtt(groups, network), _draw_distributions, horizontal=True)
-    return drawn and Plot.of(*drawn, "latency", "Motion-to-photon latency", caption)
+    return drawn and Plot.from_figure(*drawn, "latency", "Motion-to-photon latency", caption)
 
 
 def frame_ages(groups: Groups, network: str) -> Plot | None:
@@ -60,7 +60,7 @@ def frame_ages(groups: Groups, network: str) -> Plot | None:
         f"to the 95th percentile. {DASHED}"
     )
     drawn = _panels(groups, _by_rtt(groups, network), draw_boxes)
-    return drawn and Plot.of(*drawn, "frame-age", "Frame age", caption)
+    return drawn and Plot.from_figure(*drawn, "frame-age", "Frame age", caption)
 
 
 def write_headline(groups: Groups, folder: Path) -> None:
@@ -68,7 +68,7 @@ def write_headline(groups: Groups, folder: Path) -> None:
     found = (groups.at(network, rtt) for network, rtt in groups.conditions[:MOST_HEADLINES])
     panels_of = {own[0].runs[0].configuration.network.label: own for own in found}
     draw = partial(_draw_distributions, with_mode=True)
-    with style():
+    with plot_style():
         drawn = _panels(groups, panels_of, draw, horizontal=True, columns=MOST_HEADLINES)
         if drawn:
             add_legend(*drawn)
@@ -79,7 +79,7 @@ def write_headline(groups: Groups, folder: Path) -> None:
 def _by_rtt(groups: Groups, network: str) -> dict[str, list[Group]]:
     rtts = groups.rtts(network)
     return {f"{rtt:g} ms round trip": groups.at(network, rtt) for rtt in rtts} or {
-        short(network): groups.at(network, None)
+        shorten(network): groups.at(network, None)
     }
 
 
@@ -146,7 +146,7 @@ def draw_boxes(axes: Axes, groups: Sequence[Group], looks: Looks) -> list[float]
         whiskers += np.percentile(values, (5, 95)).tolist()
     interactive_limit(axes)
     slant: dict[str, Any] = {"rotation": 40, "ha": "right", "rotation_mode": "anchor"}
-    axes.set_xticks(range(len(places)), [short(controller.title) for controller in places], **slant)
+    axes.set_xticks(range(len(places)), [shorten(controller.title) for controller in places], **slant)
     axes.set_ylabel("Frame age, ms")
     return whiskers
 
@@ -177,7 +177,7 @@ def _over_time(groups: Groups, network: str, series: Literal["age", "height"], t
     axes.set(xlabel="Time, s", ylabel=label)
     drawn: list[float] = []
     for group, points in own.items():
-        times, values = binned(*points.T)
+        times, values = bin_medians(*points.T)
         line: dict[str, Any] = {"label": group.controller.title, **groups.looks[group.controller].line}
         axes.plot(times, values, linewidth=1.2, drawstyle="default" if series == "age" else "steps-post", **line)
         drawn += values.tolist()
@@ -190,7 +190,7 @@ def _over_time(groups: Groups, network: str, series: Literal["age", "height"], t
         f"1/{BINS} of the run. {DASHED if series == 'age' else ''}".rstrip()
     )
     name = "frame-age" if series == "age" else series
-    return Plot.of(figure, [axes], f"{name}-over-time", title, caption)
+    return Plot.from_figure(figure, [axes], f"{name}-over-time", title, caption)
 
 
 def bandwidth(groups: Groups, network: str) -> Plot | None:
@@ -203,7 +203,7 @@ def bandwidth(groups: Groups, network: str) -> Plot | None:
     rates, totals = panels[:2]
     for group in own:
         look = groups.looks[group.controller]
-        times, megabytes = received(group)
+        times, megabytes = received_megabytes(group)
         line: dict[str, Any] = {"label": group.controller.title, **look.line}
         mean = megabytes.mean(axis=0)
         rates.plot(times[1:], np.diff(mean) * 8 / np.diff(times), linewidth=1, **line)
@@ -220,10 +220,10 @@ def bandwidth(groups: Groups, network: str) -> Plot | None:
     for axes in panels:
         axes.set(xlabel="Time, s", xlim=(0, None))
     caption = (
-        f"Data received by the viewer over {groups.base_title(network)}. {runs_behind(own)} Grey: the link at "
+        f"Data received by the viewer over {groups.base_title(network)}. {describe_run_counts(own)} Grey: the link at "
         "its full rate, as a download of the scene's file would use it."
     )
-    return Plot.of(figure, panels, "bandwidth", "Received data", caption)
+    return Plot.from_figure(figure, panels, "bandwidth", "Received data", caption)
 
 
 def _draw_download(rates: Axes, totals: Axes, runs: Sequence[Run]) -> None:
@@ -233,7 +233,7 @@ def _draw_download(rates: Axes, totals: Axes, runs: Sequence[Run]) -> None:
         return
     size = next((run.record.scene_bytes for run in runs if run.record.scene_bytes), None)
     thin = slice(None, None, max(1, len(link) // BINS))
-    loaded = downloaded(link)
+    loaded = downloadable_megabytes(link)
     area: dict[str, Any] = {"color": AREA, "linewidth": 0, "zorder": 0, "label": "Full link rate"}
     rates.fill_between(link[thin, 0], link[thin, 1], step="post", **area)
     totals.fill_between(link[thin, 0], loaded[thin], **area)
@@ -241,14 +241,14 @@ def _draw_download(rates: Axes, totals: Axes, runs: Sequence[Run]) -> None:
         totals.axhline(size / 1e6, color=INK, linewidth=0.9, linestyle="--", label="Scene file")
 
 
-def downloaded(link: Floats) -> Floats:
+def downloadable_megabytes(link: Floats) -> Floats:
     """Megabytes that the link could have carried up to each sample."""
     spans = np.diff(link[:, 0], prepend=0.0).clip(min=0)
     total: Floats = np.cumsum(spans * link[:, 1]) / 8
     return total
 
 
-def received(group: Group) -> tuple[Floats, Floats]:
+def received_megabytes(group: Group) -> tuple[Floats, Floats]:
     """Seconds, and megabytes [runs, seconds] received by then, up to the end of the shortest run."""
     runs = [run.series["received"] for run in group.runs if len(run.series["received"]) > 1]
     steps = min(BINS, min(len(run) for run in runs))  # at most the page's own resolution
@@ -256,7 +256,7 @@ def received(group: Group) -> tuple[Floats, Floats]:
     return every, np.array([np.interp(every, run[:, 0], (run[:, 1] - run[0, 1]) / 1e6) for run in runs])
 
 
-def binned(times: Floats, values: Floats) -> tuple[Floats, Floats]:
+def bin_medians(times: Floats, values: Floats) -> tuple[Floats, Floats]:
     """Medians over BINS parts of the time; unchanged if there are fewer values."""
     if len(times) <= BINS:
         return times, values

@@ -8,18 +8,18 @@ from collections.abc import Iterable, Sequence
 from tigas_experiments.records.load import MAX_PEGGED_SHARE
 from tigas_experiments.report.controllers import Controller
 from tigas_experiments.report.groups import Comparison, comparisons
-from tigas_experiments.report.run_listing import label
+from tigas_experiments.report.run_listing import run_label
 from tigas_experiments.report.run_table import Results, Run
 
-FEW = 4
+MAX_LISTED = 4
 """Maximum number of runs named in a sentence, and of reasons listed."""
 
 
-def warnings(results: Results) -> list[str]:
+def collect_warnings(results: Results) -> list[str]:
     """All warnings: first on single runs, then on pooled runs."""
     runs = results.runs
     scores = [f"{run.name}: picture scores are missing. {run.scores_problem}" for run in runs if run.scores_problem]
-    found = [*_failures(results), *_runs(runs), *scores, *_uncommon(runs)]
+    found = [*_failures(results), *_runs(runs), *scores, *_unmatched(runs)]
     found += [
         f"Runs of different {name} ({', '.join(values)}) are pooled."
         for name, values in _pooled(runs).items()
@@ -41,9 +41,9 @@ def _failures(results: Results) -> list[str]:
     for name, reason in results.failures.items():
         by_reason.setdefault(reason, []).append(name)
     total = len(results.runs) + len(results.failures)
-    if len(by_reason) > FEW:
+    if len(by_reason) > MAX_LISTED:
         return [f"{len(results.failures)} of {total} runs failed and are in no figure; the page lists the reasons."]
-    return [f"{_named(names, total)}: no result. {reason}" for reason, names in by_reason.items()]
+    return [f"{_affected_runs(names, total)}: no result. {reason}" for reason, names in by_reason.items()]
 
 
 def _runs(runs: Sequence[Run]) -> list[str]:
@@ -66,8 +66,8 @@ def _runs(runs: Sequence[Run]) -> list[str]:
         for sentence, applies in kinds.items():
             if applies:
                 found.setdefault(sentence, []).append(run)
-    names = {run: f"{run.configuration.network.label}, {label(run)}" for run in runs}
-    return [f"{_named([names[run] for run in own], len(runs))}: {sentence}" for sentence, own in found.items()]
+    names = {run: f"{run.configuration.network.label}, {run_label(run)}" for run in runs}
+    return [f"{_affected_runs([names[run] for run in own], len(runs))}: {sentence}" for sentence, own in found.items()]
 
 
 def _busy(runs: Sequence[Run]) -> dict[str, list[Run]]:
@@ -88,13 +88,13 @@ def _busy(runs: Sequence[Run]) -> dict[str, list[Run]]:
     return found
 
 
-def _named(names: Sequence[str], total: int) -> str:
+def _affected_runs(names: Sequence[str], total: int) -> str:
     """The affected runs as the subject of a sentence."""
     if len(names) == total > 1:
         return f"Each of the {total} runs"
     if len(names) == 1:
         return names[0]
-    return f"{len(names)} of {total} runs" + (f" ({'; '.join(names)})" if len(names) <= FEW else "")
+    return f"{len(names)} of {total} runs" + (f" ({'; '.join(names)})" if len(names) <= MAX_LISTED else "")
 
 
 def _range(shares: Iterable[float]) -> str:
@@ -114,25 +114,25 @@ def _samples(runs: Sequence[Run]) -> list[str]:
     return [*found, again] if missing else found
 
 
-def _uncommon(runs: Sequence[Run]) -> list[str]:
+def _unmatched(runs: Sequence[Run]) -> list[str]:
     found = []
     compared = [each for each in comparisons(runs) if each.missing]
     if partly := [each for each in compared if each.common]:
         left_out = sum(len(own) - len(each.kept[condition]) for each in partly for condition, own in each.runs.items())
         found.append(
             f"Tables and figures leave out {left_out} of {len(runs)} runs, because not all controllers have "
-            f"runs of their blocks: {_lacking(partly)}."
+            f"runs of their blocks: {_format_missing(partly)}."
         )
     if apart := [each for each in compared if not each.common]:
         networks = dict.fromkeys(next(iter(each.runs.values()))[0].configuration.network.label for each in apart)
         found.append(
             f"Over {', '.join(networks)}, no block has runs of all controllers: their means cover different inputs and "
-            f"cannot be compared ({_lacking(apart)})."
+            f"cannot be compared ({_format_missing(apart)})."
         )
     return found
 
 
-def _lacking(compared: Sequence[Comparison]) -> str:
+def _format_missing(compared: Sequence[Comparison]) -> str:
     missing = sum((each.missing for each in compared), Counter[Controller]())
     return ", ".join(f"{controller.title} lacks {count}" for controller, count in missing.most_common())
 

@@ -33,23 +33,23 @@ from tigas_common.web import (
     read_message,
 )
 from tigas_experiments.records.samples import MAX_PICTURE_BYTES
-from tigas_experiments.store.errors import storage_explained
+from tigas_experiments.store.errors import storage_errors
 from tigas_experiments.store.experiments import Experiments
 from tigas_experiments.store.limited import MAX_REQUEST_BYTES
 from tigas_experiments.store.metrics import StoreMetrics
 from tigas_experiments.store.movements import Movements
 from tigas_experiments.store.planner import Planner
 from tigas_experiments.store.reports import Reports, archive
-from tigas_experiments.store.rerendering import Rerendering
+from tigas_experiments.store.rerendering import RerenderingJobs
 from tigas_experiments.store.samples import (
     MAX_INDEX_BYTES,
-    check_room,
+    check_upload,
     keep_capture,
     keep_index,
     keep_picture,
     list_samples,
-    picture,
-    uploaded,
+    list_uploaded,
+    read_picture,
 )
 from tigas_experiments.store.workspace import Workspace
 from tigas_experiments.wire.recording import MAX_BYTES
@@ -93,7 +93,7 @@ class Store:
     reports: Reports
     movements: Movements
     planner: Planner
-    rerendering: Rerendering
+    rerendering: RerenderingJobs
 
 
 def create_app(store: Store, policy: OriginPolicy) -> ASGIApp:
@@ -185,7 +185,7 @@ async def add_run(request: Request) -> ModelResponse[RunRow]:
     """Store a performed run, which is incomplete until its captures are uploaded."""
     store, experiment, run = _store(request), request.path_params["id"], request.path_params["run"]
     await asyncio.to_thread(store.experiments.find_page, experiment)  # before receiving hundreds of megabytes
-    with store.planner.failing(experiment, run), storage_explained(), store.workspace.folder() as folder:
+    with store.planner.count_disk_failures(experiment, run), storage_errors(), store.workspace.folder() as folder:
         body = folder / "body.json"
         size = await _receive(request, body, MAX_BYTES)
         row = await store.planner.add(experiment, run, body, size, folder / "run")
@@ -213,7 +213,7 @@ async def samples(request: Request) -> ModelResponse[SampleList]:
 @described(gives=PICTURES)
 async def sample(request: Request) -> Response:
     """A sample's picture."""
-    data, media_type = await asyncio.to_thread(lambda: picture(_run(request), request.path_params["name"]))
+    data, media_type = await asyncio.to_thread(lambda: read_picture(_run(request), request.path_params["name"]))
     return Response(data, media_type=media_type, headers=PICTURE_HEADERS)
 
 
@@ -236,13 +236,13 @@ async def stop_rerendering(request: Request) -> ModelResponse[Materialisation]:
 
 async def uploaded_samples(request: Request) -> ModelResponse[UploadedSamples]:
     """List a run's uploaded samples."""
-    return json_response(await asyncio.to_thread(lambda: uploaded(_page_run(request))))
+    return json_response(await asyncio.to_thread(lambda: list_uploaded(_page_run(request))))
 
 
 @described(takes=PICTURES)
 async def add_picture(request: Request) -> Response:
     """Store a sample's picture."""
-    await asyncio.to_thread(lambda: check_room(_page_run(request), request.path_params["name"]))
+    await asyncio.to_thread(lambda: check_upload(_page_run(request), request.path_params["name"]))
     await _keep_picture(request, keep_picture)
     return Response(status_code=204)
 
@@ -251,7 +251,7 @@ async def add_picture(request: Request) -> Response:
 async def complete_samples(request: Request) -> Response:
     """Store the index of a run's samples, after all of their pictures."""
     store, body = _store(request), await read_body(request, MAX_INDEX_BYTES)
-    with storage_explained(), store.workspace.folder() as folder:
+    with storage_errors(), store.workspace.folder() as folder:
         index = await asyncio.to_thread(parse, SampleIndex, body, MAX_INDEX_BYTES)
         await asyncio.to_thread(lambda: keep_index(index, folder, _page_run(request)))
     return Response(status_code=204)
@@ -311,7 +311,7 @@ async def _keep_picture(request: Request, keep: Callable[[Path, Path], None]) ->
     run, name = await asyncio.to_thread(lambda: _page_run(request)), request.path_params["name"]
     if not _PICTURE.fullmatch(name) or len(name) > MAX_NAME:
         raise InvalidRequest(f"{name[:60]!r} is not the name of an image.")
-    with storage_explained(), _store(request).workspace.folder() as folder:
+    with storage_errors(), _store(request).workspace.folder() as folder:
         await _receive(request, folder / name, MAX_PICTURE_BYTES)
         await asyncio.to_thread(keep, folder / name, run)
     _store(request).planner.extend(request.path_params["id"], request.path_params["run"])
@@ -319,7 +319,7 @@ async def _keep_picture(request: Request, keep: Callable[[Path, Path], None]) ->
 
 def _archived(folder: Path) -> Iterator[bytes]:
     """Stream a ZIP, and abort the response if it cannot be completed."""
-    with storage_explained():
+    with storage_errors():
         yield from archive(folder)
 
 

@@ -52,5 +52,5 @@ class SamplesComplete(TigasError):
     status, type, title = 409, "samples-complete", "The run's samples are complete"
 
 
-storage_explained = partial(files.storage_errors, "results")
+storage_errors = partial(files.storage_errors, "results")
 """Turns OSErrors into DiskFull and StorageFailed."""

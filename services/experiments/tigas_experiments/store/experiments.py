@@ -25,14 +25,14 @@ from tigas_experiments.records.samples import INDEX as SAMPLES
 from tigas_experiments.records.samples import RERENDERED
 from tigas_experiments.records.scores import SCORES
 from tigas_experiments.records.summary import summarise
-from tigas_experiments.store.errors import ExperimentInUse, UnknownExperiment, UnknownRun, storage_explained
+from tigas_experiments.store.errors import ExperimentInUse, UnknownExperiment, UnknownRun, storage_errors
 from tigas_experiments.store.samples import count_samples
 from tigas_experiments.store.workspace import Workspace
 from tigas_experiments.wire.store import LONGEST_NAME, Experiment, ExperimentList, ExperimentSummary, RunRow
 
 CACHED_RUNS = 10_000
 T = TypeVar("T")
-TAKEN = (errno.EEXIST, errno.ENOTEMPTY, errno.ENOTDIR)
+NAME_TAKEN_ERRORS = (errno.EEXIST, errno.ENOTEMPTY, errno.ENOTDIR)
 """Error numbers for an existing target."""
 
 
@@ -52,7 +52,7 @@ class Experiments:
                     **record.model_dump(include={"name", "created", "source", "planned"}),
                     runs=len(runs),
                     complete=sum(run.status == "complete" for run in runs),
-                    sampled=sum((run / SAMPLES).is_file() for run in made_runs(folder)),
+                    sampled=sum((run / SAMPLES).is_file() for run in list_runs(folder)),
                 )
             )
         return ExperimentList(experiments=tuple(sorted(found, key=lambda one: (one.created, one.id), reverse=True)))
@@ -95,12 +95,12 @@ class Experiments:
     def create(self, made: Path, name: str) -> str:
         """Move a complete experiment from the workspace to its place, and return its id. Raises DiskFull."""
         slug = re.sub(r"[^A-Za-z0-9.-]+", "-", name).strip(".-")[:60] or "experiment"
-        with storage_explained():
-            return _placed(made, self.results, f"{slug}-{datetime.now(UTC):%Y%m%d-%H%M%S}")
+        with storage_errors():
+            return _move_to_place(made, self.results, f"{slug}-{datetime.now(UTC):%Y%m%d-%H%M%S}")
 
     def _read(self) -> Iterator[tuple[Path, ExperimentRecord]]:
         """Folders and records of all readable experiments."""
-        with storage_explained():
+        with storage_errors():
             folders = [path for path in self.results.iterdir() if _is_folder(path)]
         for folder in folders:
             try:
@@ -108,7 +108,7 @@ class Experiments:
             except BrokenRecording:
                 continue
 
-    def new_name(self, name: str) -> str:
+    def unused_name(self, name: str) -> str:
         """The name, or the first unused one of `NAME (2)`, `NAME (3)`, …; long names are truncated."""
         taken = {record.name for _, record in self._read()}
         ends = itertools.chain([""], (f" ({number})" for number in itertools.count(2)))
@@ -118,7 +118,7 @@ class Experiments:
     def row(self, experiment: str, run: str) -> RunRow:
         """Description of a run. Raises UnknownExperiment, UnknownRun and StorageFailed."""
         folder = self.run(experiment, run)
-        if (written := version(folder)) is None:
+        if (written := run_version(folder)) is None:
             raise UnknownRun(f"The run {run[:100]!r} has no record.")
         try:
             return _row_of(folder, written)
@@ -136,7 +136,7 @@ class Experiments:
         """Remove an experiment. Raises UnknownExperiment and ExperimentInUse."""
         folder, _ = self.find(experiment)
         lock = folder / LOCK_NAME
-        with storage_explained():
+        with storage_errors():
             try:
                 with hold_lock(lock, "") if lock.exists() else nullcontext():
                     self._workspace.remove(folder)
@@ -146,7 +146,7 @@ class Experiments:
                 raise UnknownExperiment(f"The experiment {experiment} has been removed.") from None
 
 
-def made_runs(folder: Path) -> list[Path]:
+def list_runs(folder: Path) -> list[Path]:
     """Folders of an experiment's runs, by name; empty if it has been removed."""
     runs = folder / "runs"
     if not _is_folder(runs):
@@ -157,18 +157,18 @@ def made_runs(folder: Path) -> list[Path]:
         return []
 
 
-def version(run: Path) -> tuple[int, ...] | None:
+def run_version(run: Path) -> tuple[int, ...] | None:
     """A value that changes whenever the run is rewritten, or more is known about its samples.
 
     None if the run has no record.
     """
-    record = written(run / "run.json")
+    record = file_version(run / "run.json")
     if record is None:
         return None
-    return sum((written(run / name) or (0,) for name in (SAMPLES, RERENDERED, SCORES)), record)
+    return sum((file_version(run / name) or (0,) for name in (SAMPLES, RERENDERED, SCORES)), record)
 
 
-def written(path: Path) -> tuple[int, ...] | None:
+def file_version(path: Path) -> tuple[int, ...] | None:
     """A value that changes whenever the file is rewritten; None without a file."""
     try:
         told = path.lstat()
@@ -179,8 +179,8 @@ def written(path: Path) -> tuple[int, ...] | None:
 
 def _read(reader: Callable[[Path, tuple[int, ...]], T], folder: Path) -> Iterator[T]:
     """A reader's results for all runs with readable records."""
-    for run in made_runs(folder):
-        if (written := version(run)) is not None:
+    for run in list_runs(folder):
+        if (written := run_version(run)) is not None:
             try:
                 yield reader(run, written)
             except BrokenRecording:
@@ -214,14 +214,14 @@ def _is_folder(path: Path) -> bool:
         return False
 
 
-def _placed(made: Path, parent: Path, name: str) -> str:
+def _move_to_place(made: Path, parent: Path, name: str) -> str:
     """Move a folder to its place, under the first unused name. Raises OSError."""
     for number in itertools.count(1):
         chosen = name if number == 1 else f"{name}_{number}"
         try:
             made.rename(parent / chosen)
         except OSError as error:
-            if error.errno not in TAKEN:
+            if error.errno not in NAME_TAKEN_ERRORS:
                 raise
         else:
             flush_folder(parent)

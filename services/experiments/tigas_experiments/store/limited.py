@@ -24,7 +24,7 @@ from tigas_experiments.run.experiment import Experiment
 from tigas_experiments.run.inputs import Inputs
 from tigas_experiments.run.job import RunSources, complete, write_records
 from tigas_experiments.run.plan import ExperimentPlan
-from tigas_experiments.store.errors import storage_explained
+from tigas_experiments.store.errors import storage_errors
 from tigas_experiments.wire.movement import TimedPose
 from tigas_experiments.wire.recording import MAX_BYTES
 from tigas_experiments.wire.run import Configuration
@@ -53,11 +53,11 @@ def expand(body: bytes, movements: Path, out: Path) -> tuple[Experiment, Mapping
     try:
         plan = ExperimentPlan.parse(request.file, "The file")
         _check_names((*plan.movements, *plan.networks))
-        with storage_explained():
+        with storage_errors():
             (out / INPUTS).mkdir(parents=True)
             for name in plan.movements:
                 if name not in KINDS:
-                    _keep_movement(name, request.movements, movements, out / INPUTS)
+                    _copy_movement(name, request.movements, movements, out / INPUTS)
         experiment = Experiment.from_plan(plan, out / INPUTS, out, traces_s=request.traces_s)
         for run in {run.movement: run for run in experiment.runs}.values():
             experiment.inputs.movement(run)
@@ -94,7 +94,7 @@ def _check_names(names: Iterable[str]) -> None:
             raise StartError(f"{name[:100]!r} must not be a path: only the store's files can be used.")
 
 
-def _keep_movement(name: str, own: Mapping[str, str], movements: Path, inputs: Path) -> None:
+def _copy_movement(name: str, own: Mapping[str, str], movements: Path, inputs: Path) -> None:
     """Copy a movement from the request or the store, unless it is generated. Raises StartError and OSError."""
     if (text := own.get(name)) is not None:
         MovementTrace.parse(text, name)
@@ -125,7 +125,7 @@ def keep_upload(
 
     `load` is this machine's recent load. Raises InvalidRequest and DiskFull.
     """
-    with storage_explained():
+    with storage_errors():
         upload = parse(RunUpload, body.read_bytes(), MAX_BYTES)
         recording = upload.recording
         if recording is not None and (problem := mismatch(configuration, recording)):
@@ -146,7 +146,7 @@ def keep_upload(
 
 def complete_upload(folder: Path, render: str) -> None:
     """Complete a run that has all its captures, or mark it as failed. Raises DiskFull."""
-    with storage_explained():
+    with storage_errors():
         try:
             asyncio.run(complete(folder, render))
         except (RunFailed, BrokenRecording) as error:

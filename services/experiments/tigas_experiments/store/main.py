@@ -21,9 +21,9 @@ from tigas_experiments.records.machine import Machine, describe_machine
 from tigas_experiments.store.app import Store, create_app
 from tigas_experiments.store.experiments import Experiments
 from tigas_experiments.store.movements import Movements
-from tigas_experiments.store.planner import Planner, Services, render_service
+from tigas_experiments.store.planner import Planner, Services, prepare_render_service
 from tigas_experiments.store.reports import Reports
-from tigas_experiments.store.rerendering import Rerendering
+from tigas_experiments.store.rerendering import RerenderingJobs
 from tigas_experiments.store.settings import StoreSettings
 from tigas_experiments.store.workspace import Workspace
 
@@ -63,16 +63,16 @@ async def open_store(
     clock: Callable[[], float] = time.monotonic,
 ) -> AsyncIterator[Store]:
     """The store's components, as a context manager; `services` are those at `render` by default. Raises StartError."""
-    with Workspace.opened(results) as workspace:
+    with Workspace.open(results) as workspace:
         experiments = Experiments(results, workspace)
-        async with Rerendering.opened(experiments, render) as rerendering:
+        async with RerenderingJobs.connect(experiments, render) as rerendering:
             planner = Planner(
                 experiments,
                 workspace,
                 offload,
                 movements=movements,
                 render=render,
-                services=services or partial(render_service, render.rstrip("/")),
+                services=services or partial(prepare_render_service, render.rstrip("/")),
                 machine=machine,
                 load=load,
                 clock=clock,

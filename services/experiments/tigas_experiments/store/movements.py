@@ -9,7 +9,7 @@ from pathlib import Path
 from tigas_common.files import read_regular
 from tigas_experiments.movement.table import MAX_BYTES, MovementError
 from tigas_experiments.movement.trace import MovementTrace
-from tigas_experiments.store.errors import UnknownMovement, storage_explained
+from tigas_experiments.store.errors import UnknownMovement, storage_errors
 from tigas_experiments.wire.store import Movement, MovementList
 
 logger = logging.getLogger(__name__)
@@ -26,7 +26,7 @@ class Movements:
         for path in sorted(self._directory.glob("*.csv")):
             try:
                 path.name.encode()
-                found.append(_described(path))
+                found.append(_describe(path))
             except UnicodeEncodeError:
                 logger.warning("%r is left out, because its name is not UTF-8.", path.name)
             except UnknownMovement as error:
@@ -39,12 +39,12 @@ class Movements:
         # Compared with the existing names, as a path could lead anywhere.
         if path not in self._directory.glob("*.csv"):
             raise UnknownMovement(f"There is no movement {name[:100]!r}.")
-        _described(path)
-        with storage_explained():
+        _describe(path)
+        with storage_errors():
             return read_regular(path, MAX_BYTES)
 
 
-def _described(path: Path) -> Movement:
+def _describe(path: Path) -> Movement:
     try:
         told = path.stat()
     except OSError as error:

@@ -29,7 +29,7 @@ from tigas_experiments.store.errors import (
     UnknownExperiment,
     UnknownRun,
     VersionsChanged,
-    storage_explained,
+    storage_errors,
 )
 from tigas_experiments.store.experiments import Experiments
 from tigas_experiments.store.limited import (
@@ -84,7 +84,7 @@ class _Session:
     """Pages that start the experiment do so one after the other."""
 
     @property
-    def why_given_up(self) -> str | None:
+    def give_up_reason(self) -> str | None:
         """Reason why the remaining runs are not tried, in one or two sentences."""
         if self.failures < GIVE_UP_AFTER:
             return None
@@ -92,7 +92,7 @@ class _Session:
             f"{self.failures} runs in a row failed, so the others are not tried. The last failure: {self.last_problem}"
         )
 
-    def ended(self, run: str, problem: str | None) -> None:
+    def finish(self, run: str, problem: str | None) -> None:
         self.leases.pop(run, None)
         self.made_from.pop(run, None)
         if problem is None:
@@ -104,7 +104,7 @@ class _Session:
             self.last_problem = problem
 
 
-async def render_service(url: str, run: Configuration) -> tuple[ServerConfig, SceneInfo]:
+async def prepare_render_service(url: str, run: Configuration) -> tuple[ServerConfig, SceneInfo]:
     """The render service at a URL, with a run's scene loaded and its download prepared. Raises StartError."""
     return await read_config(url), await load_scene(url, run.scene, download=run.mode == "local-compressed")
 
@@ -141,7 +141,7 @@ class Planner:
 
     async def summary(self, body: bytes) -> PlanSummary:
         """Expand a file without storing anything. Raises InvalidRequest and TooCostly."""
-        with storage_explained(), self._workspace.folder() as folder:
+        with storage_errors(), self._workspace.folder() as folder:
             try:
                 experiment, _ = await self._expand(body, folder / "experiment")
             except BrokenPlan as error:
@@ -150,10 +150,10 @@ class Planner:
 
     async def create(self, body: bytes) -> str:
         """Start an experiment, and return its id. Raises InvalidRequest, TooCostly and DiskFull."""
-        with storage_explained(), self._workspace.folder() as folder:
+        with storage_errors(), self._workspace.folder() as folder:
             made = folder / "experiment"
             experiment, traces_s = await self._expand(body, made)
-            name = await asyncio.to_thread(self._experiments.new_name, experiment.plan.name)
+            name = await asyncio.to_thread(self._experiments.unused_name, experiment.plan.name)
             await asyncio.to_thread(experiment.write, traces_s, name)
             return await asyncio.to_thread(self._experiments.create, made, name)
 
@@ -189,8 +189,8 @@ class Planner:
             planned=len(session.experiment.runs),
             missing=len(session.missing),
             remaining_s=estimate_seconds([session.missing[run] for run in untried]),
-            wait=job is None and session.why_given_up is None and bool(untried),
-            problem=session.why_given_up,
+            wait=job is None and session.give_up_reason is None and bool(untried),
+            problem=session.give_up_reason,
         )
 
     def forget(self, experiment: str) -> None:
@@ -210,14 +210,14 @@ class Planner:
             lease.until = max(lease.until, self._clock() + seconds)
 
     @contextmanager
-    def failing(self, experiment: str, run: str) -> Iterator[None]:
+    def count_disk_failures(self, experiment: str, run: str) -> Iterator[None]:
         """Count a run as failed if the disk refuses it, as the page could not report that either."""
         try:
             yield
         except (DiskFull, StorageFailed) as error:
             session = self._sessions.get(experiment)
             if session is not None and run in session.missing:
-                session.ended(run, error.detail)
+                session.finish(run, error.detail)
             raise
 
     async def add(self, experiment: str, run: str, body: Path, size: int, made: Path) -> RunRow:
@@ -237,13 +237,13 @@ class Planner:
                 keep_upload, body, made, configuration, made_from, load, self._machine, limit=limit
             )
         self._missing(session, run)  # another page may have completed it meanwhile
-        with storage_explained():
+        with storage_errors():
             try:
                 await asyncio.to_thread(_place, made, session.experiment, configuration)
             except FileNotFoundError:
                 raise UnknownExperiment(f"The experiment {experiment} has been removed.") from None
         if record.status == "failed":
-            session.ended(run, record.problem)
+            session.finish(run, record.problem)
         return await asyncio.to_thread(self._experiments.row, experiment, run)
 
     async def complete(self, experiment: str, run: str) -> RunRow:
@@ -256,7 +256,7 @@ class Planner:
                 await self._offload(complete_upload, folder, self._render, limit=COMPARE)
             row = await asyncio.to_thread(self._experiments.row, experiment, run)
             if run in session.missing:
-                session.ended(run, row.problem)
+                session.finish(run, row.problem)
         return row
 
     async def _session(self, experiment: str) -> _Session:
@@ -287,7 +287,7 @@ class Planner:
 
     def _reserve(self, session: _Session, page: str) -> _Lease | None:
         """Reserve a free run. A run with a shaped link excludes all others, as pages share the link."""
-        if session.why_given_up is not None:
+        if session.give_up_reason is not None:
             return None
         self._drop_expired()
         leases = [lease for other in self._sessions.values() for lease in other.leases.values()]

@@ -15,8 +15,8 @@ from tigas_common.errors import StartError
 from tigas_common.files import read_regular
 from tigas_common.offload import Offload
 from tigas_experiments.records.folder import LADDER
-from tigas_experiments.store.errors import NothingToReport, UnknownExperiment, storage_explained
-from tigas_experiments.store.experiments import Experiments, made_runs, version, written
+from tigas_experiments.store.errors import NothingToReport, UnknownExperiment, storage_errors
+from tigas_experiments.store.experiments import Experiments, file_version, list_runs, run_version
 from tigas_experiments.store.metrics import MonitoredLock
 from tigas_experiments.store.workspace import Workspace
 
@@ -48,39 +48,39 @@ class Reports:
         """
         async with self.lock:
             folder, _ = await asyncio.to_thread(self._experiments.find, experiment)
-            runs = await asyncio.to_thread(made_runs, folder)
+            runs = await asyncio.to_thread(list_runs, folder)
             if not runs:
                 raise NothingToReport("The experiment has no runs yet.")
             versions = await asyncio.to_thread(_versions, folder, runs)
-            with storage_explained(), _still_there(experiment):
+            with storage_errors(), _require_exists(experiment):
                 if self._made.get(experiment) != versions or not (folder / REPORT).is_file():
                     with self._workspace.folder() as made:
-                        await self._offload(draw, folder, made)
+                        await self._offload(write_report_files, folder, made)
                         await asyncio.to_thread(_move, made, folder)
                     self._made[experiment] = versions
                 return await asyncio.to_thread(read_regular, folder / REPORT, MAX_REPORT_BYTES)
 
 
 def _versions(folder: Path, runs: Sequence[Path]) -> Versions:
-    return (*((run.name, version(run)) for run in runs), (LADDER, written(folder / LADDER)))
+    return (*((run.name, run_version(run)) for run in runs), (LADDER, file_version(folder / LADDER)))
 
 
 @contextmanager
-def _still_there(experiment: str) -> Iterator[None]:
+def _require_exists(experiment: str) -> Iterator[None]:
     try:
         yield
     except FileNotFoundError:
         raise UnknownExperiment(f"The experiment {experiment} has been removed.") from None
 
 
-def draw(folder: Path, out: Path) -> None:
+def write_report_files(folder: Path, out: Path) -> None:
     """Write an experiment's report into `out`, and remove the files of an earlier one from the experiment's folder.
 
     Raises NothingToReport and DiskFull.
     """
     from tigas_experiments.report.report import clear, write_report  # heavy, and only needed in the process that draws
 
-    with storage_explained():
+    with storage_errors():
         try:
             write_report(folder, out)
             clear(folder)

@@ -14,7 +14,7 @@ from tigas_common.errors import StartError
 from tigas_common.render_requests import RenderClient, RenderUnavailable
 from tigas_experiments.records.samples import read_sampled_run
 from tigas_experiments.samples.rerender import lock_experiment, require_sampled_runs, rerender
-from tigas_experiments.store.errors import ExperimentInUse, NoSamples, storage_explained
+from tigas_experiments.store.errors import ExperimentInUse, NoSamples, storage_errors
 from tigas_experiments.store.experiments import Experiments
 from tigas_experiments.store.metrics import MonitoredLock
 from tigas_experiments.wire.store import Materialisation
@@ -34,7 +34,7 @@ class _Job:
     """None once the job has ended."""
 
 
-class Rerendering:
+class RerenderingJobs:
     """Jobs of all experiments. Their results survive if the service is killed."""
 
     def __init__(self, experiments: Experiments, render: str) -> None:
@@ -45,7 +45,7 @@ class Rerendering:
 
     @classmethod
     @asynccontextmanager
-    async def opened(cls, experiments: Experiments, render: str) -> AsyncIterator[Self]:
+    async def connect(cls, experiments: Experiments, render: str) -> AsyncIterator[Self]:
         """Jobs that use the render service at a URL, cancelled at the end of the context."""
         made = cls(experiments, render)
         try:
@@ -87,7 +87,7 @@ class Rerendering:
         return await self.get(experiment)
 
     def _begin(self, experiment: str, folder: Path, job: _Job, runs: list[Path]) -> None:
-        with storage_explained(), ExitStack() as stack:
+        with storage_errors(), ExitStack() as stack:
             try:
                 stack.enter_context(lock_experiment(folder))
             except StartError:

@@ -75,7 +75,7 @@ def list_samples(run: Path) -> SampleList:
     return SampleList(samples=tuple(rows), problem=found.problem)
 
 
-def picture(run: Path, name: str) -> tuple[bytes, str]:
+def read_picture(run: Path, name: str) -> tuple[bytes, str]:
     """A picture and its media type, without following links. Raises UnknownSample."""
     if not SERVED.fullmatch(name) or (run / "samples").is_symlink():  # a path could lead anywhere
         raise UnknownSample(f"No sample has a picture {name[:100]!r}.")
@@ -96,7 +96,7 @@ def count_samples(run: Path) -> SampleCounts | None:
     )
 
 
-def uploaded(run: Path) -> UploadedSamples:
+def list_uploaded(run: Path) -> UploadedSamples:
     """The uploaded samples of a run. Raises StorageFailed."""
     return UploadedSamples(
         complete=(run / INDEX).exists(),
@@ -104,7 +104,7 @@ def uploaded(run: Path) -> UploadedSamples:
     )
 
 
-def check_room(run: Path, name: str) -> None:
+def check_upload(run: Path, name: str) -> None:
     """Check that another picture is allowed. Raises InvalidRequest, SamplesComplete, BodyTooLarge and StorageFailed."""
     if not UPLOADED.fullmatch(name):
         raise InvalidRequest(f"{name[:60]!r} is not an image of a sample, such as 000123.jpg.")
@@ -118,9 +118,9 @@ def check_room(run: Path, name: str) -> None:
 
 
 def keep_picture(part: Path, run: Path) -> None:
-    """Move a picture, which already has its name, to its run. Raises as `check_room` does, and OSError."""
-    check_room(run, part.name)
-    if not _is_whole(part):
+    """Move a picture, which already has its name, to its run. Raises as `check_upload` does, and OSError."""
+    check_upload(run, part.name)
+    if not _is_complete_image(part):
         raise InvalidRequest(f"{part.name} is not such an image, or is incomplete.")
     (run / FOLDER).mkdir(exist_ok=True)
     flush_tree(part.parent)
@@ -136,7 +136,7 @@ def keep_capture(part: Path, run: Path) -> None:
         )
     if StoredRun(run).record.status != "running":
         raise RunMade(f"The run {run.name} has ended.")
-    if not _is_whole(part):
+    if not _is_complete_image(part):
         raise InvalidRequest(f"{part.name} is not a PNG, or is incomplete.")
     part.replace(capture_path(run, int(part.stem)))
 
@@ -181,7 +181,7 @@ def _files(run: Path) -> dict[str, int]:
         }
 
 
-def _is_whole(path: Path) -> bool:
+def _is_complete_image(path: Path) -> bool:
     """Whether a file begins and ends like a picture of its type."""
     data = path.read_bytes()
     if path.suffix == ".jpg":

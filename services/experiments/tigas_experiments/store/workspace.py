@@ -27,7 +27,7 @@ class Workspace:
 
     @classmethod
     @contextmanager
-    def opened(cls, results: Path) -> Iterator[Workspace]:
+    def open(cls, results: Path) -> Iterator[Workspace]:
         """Open an exclusive, empty workspace during the context. Raises StartError."""
         root = results / NAME
         with ExitStack() as stack:
