@@ -196,7 +196,7 @@ async def test_one_address_has_so_many_requests_and_no_more() -> None:
 @pytest.mark.slow
 async def test_two_hundred_connections_that_are_dropped_are_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(connections_module, "HANDSHAKES_PER_S", 1e6)  # else they would be begun one after the other
-    async with served(Limits(idle_timeout=1.0, connections_per_address=512)) as server:
+    async with served(Limits(idle_timeout=5.0, connections_per_address=512)) as server:
         for number in range(200):
             async with connect(server.port) as client:
                 client.request("GET", "/")
